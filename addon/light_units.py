@@ -18,7 +18,7 @@ MINIMUM_SPREAD = math.radians(1.0)
 
 def power(energy: float, exposure: float) -> float:
     """Watts (SUN: W/m2) from the panel's strength and its exposure in stops: energy 2^exposure."""
-    return energy * 2.0**exposure
+    return energy * math.exp2(exposure)
 
 
 def point_intensity(watts: float, radius: float, normalize: bool) -> float:

@@ -146,6 +146,16 @@ def test_instanced_and_hidden_lights(extract: Extract) -> None:
     assert sorted(light.position[0] for light in extract().lights) == [1.0, 2.0]
 
 
+def test_flat_scale_does_not_matter_to_lights(extract: Extract) -> None:
+    add_light("POINT", energy=4.0 * math.pi).scale = (0.0, 0.0, 0.0)
+    add_light("AREA", energy=math.pi, size=1.0).scale = (1.0, 1.0, 0.0)
+    lights = extract().lights
+    assert len(lights) == 2
+    for light in lights:
+        assert np.allclose(light.intensity, 1.0)
+        assert np.allclose(light.axes, np.eye(3))
+
+
 def test_unusable_lights_are_named(extract: Extract) -> None:
     for name, properties in {
         "negative": {"energy": -5.0},

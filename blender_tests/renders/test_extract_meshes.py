@@ -249,10 +249,20 @@ def test_material_slots(extract: Extract) -> None:
     assert slots.tolist() == [0, 0, 2, 2]
     used = {i.name: [material_names(scene, i)[s] for s in (0, 2)] for i in scene.instances}
     assert used == {
-        first.name: ["first", "third"], second.name: ["first", "own"], third.name: ["Default", "third"],
+        first.name: ["first", "third"],
+        second.name: ["first", "own"],
+        third.name: ["first", "third"],  # Blender falls back on the slot of the data
     }
     assert "unused" not in [m.name for m in scene.materials]
-    assert scene.materials[scene.instances[2].materials[0]].color == (0.8, 0.8, 0.8)
+
+
+def test_empty_slot_is_grey(extract: Extract) -> None:
+    data = mesh("slots")
+    data.materials.append(None)
+    link("slots", data)
+    scene = extract()
+    (material,) = scene.materials
+    assert material.name == "Default" and material.graph is None and material.color == (0.8, 0.8, 0.8)
 
 
 def test_slot_beyond_the_last_is_clamped_and_no_slot_is_default(extract: Extract) -> None:
@@ -288,6 +298,10 @@ def test_uv_layers_and_colours(extract: Extract) -> None:
     byte.data[5].color_srgb = (188 / 255, 0.0, 1.0, 1.0)
     point = data.color_attributes.new("point", "FLOAT_COLOR", "POINT")
     point.data[4].color = (5.0, 6.0, 7.0, 0.5)
+    corner = data.attributes.new("on points", "FLOAT2", "POINT")
+    corner.data[4].vector = (3.0, 4.0)
+    face = data.attributes.new("on faces", "FLOAT_COLOR", "FACE")
+    face.data[1].color = (1.0, 2.0, 3.0, 1.0)
     data.color_attributes.render_color_index = data.color_attributes.find("point")
     link("attributes", data)
     (extracted,) = extract().meshes
@@ -298,6 +312,8 @@ def test_uv_layers_and_colours(extract: Extract) -> None:
     assert np.allclose(extracted.color_layers["byte"][5], (0.5029, 0.0, 1.0, 1.0), atol=1e-4)
     assert np.allclose(extracted.color_layers["point"][5], (5.0, 6.0, 7.0, 0.5))
     assert extracted.color_layers["point"].shape == (8, 4)
+    assert extracted.uv_layers["on points"][5].tolist() == [3.0, 4.0]
+    assert extracted.color_layers["on faces"][:, 1].tolist() == [1.0] * 4 + [2.0] * 4  # new ones are white
 
 
 def test_smooth_and_flat_normals(extract: Extract) -> None:
@@ -348,6 +364,10 @@ def test_collections_of_the_view_layer(extract: Extract) -> None:
     assert by_name["indirect"].visibility == RayVisibility.ALL & ~RayVisibility.CAMERA
     assert by_name["held out"].is_holdout and not by_name["indirect"].is_holdout
 
+    empty = link("empty", None)  # outside these collections, so what it instances is not subject to them
+    empty.instance_type, empty.instance_collection = "COLLECTION", bpy.data.collections["held out"]
+    assert sorted(i.is_holdout for i in instances_of(extract(), "held out")) == [False, True]
+
 
 def test_instances_obey_their_instancer_too(extract: Extract) -> None:
     collection = bpy.data.collections.new("parts")
@@ -369,6 +389,15 @@ def test_unsupported_objects_are_named_once(extract: Extract) -> None:
     scene = extract()
     for name in ("fur", "cloud", "smoke"):
         assert sum(f'"{name}"' in w for w in scene.warnings) == 1, (name, scene.warnings)
+
+
+def test_particle_hair_is_named_and_its_emitter_kept(extract: Extract) -> None:
+    obj = link("scalp", mesh("m"))
+    obj.modifiers.new("hair", "PARTICLE_SYSTEM")
+    obj.particle_systems[0].settings.type = "HAIR"
+    scene = extract()
+    assert [i.name for i in scene.instances] == ["scalp"]
+    assert len(scene.warnings) == 1 and '"scalp"' in scene.warnings[0]
 
 
 def test_object_random_is_that_of_cycles(extract: Extract) -> None:

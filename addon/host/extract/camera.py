@@ -6,7 +6,8 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from ...scene import CameraData, CameraKind, DoubleArray
+from ...scene import CameraData, CameraKind
+from .transforms import rigid
 
 
 class ExtractionError(Exception):
@@ -53,25 +54,6 @@ def extract_camera(depsgraph: bpy.types.Depsgraph, resolution: tuple[int, int], 
         kind=CameraKind.ORTHOGRAPHIC if projection[3, 3] == 1.0 else CameraKind.PERSPECTIVE,
         border=_border(render),
     )
-
-
-def rigid(matrix: DoubleArray) -> DoubleArray:
-    """(4, 4) the matrix without scale and shear. The view direction -z is kept, then as much of y as is left."""
-    result = np.eye(4)
-    result[:3, 3] = matrix[:3, 3]
-    z = _unit(matrix[:3, 2], np.array([0.0, 0.0, 1.0]))
-    y = matrix[:3, 1] - z * (matrix[:3, 1] @ z)
-    y = _unit(y, _unit(np.cross(z, [1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])))
-    x = np.cross(y, z)
-    if np.linalg.det(matrix[:3, :3]) < 0.0:
-        x = -x  # a mirrored camera gives a mirrored picture
-    result[:3, 0], result[:3, 1], result[:3, 2] = x, y, z
-    return result
-
-
-def _unit(vector: DoubleArray, fallback: DoubleArray) -> DoubleArray:
-    length = np.linalg.norm(vector)
-    return vector / length if length > 1e-20 else fallback
 
 
 def _border(render: bpy.types.RenderSettings) -> tuple[float, float, float, float]:

@@ -30,6 +30,8 @@ _UNSUPPORTED = {
 }
 #: An instance whose axes span less than this fraction of their box is flat: it has no inverse.
 _FLAT = 1e-12
+_FLATTENED = "its scale is 0 along an axis"
+_NOT_FINITE = "its position, rotation or scale is not a usable number"
 
 
 class MaterialTable:
@@ -90,77 +92,95 @@ class Placements:
 
 
 @dataclass(frozen=True)
-class _Prepared:
+class _Part:
     """What all instances of one object's mesh share."""
 
     name: str
-    mesh: int | None
-    materials: tuple[int, ...] = ()
-    visibility: RayVisibility = RayVisibility.ALL
-    is_holdout: bool = False
-    object_index: int = 0
+    mesh: int | None  # None: it has no triangles
+    materials: tuple[int, ...]
+    object_index: int
+
+
+@dataclass(frozen=True)
+class _Flags:
+    """Who sees an object, or what an instancer makes."""
+
+    visibility: RayVisibility
+    is_holdout: bool
 
 
 def extract_placements(depsgraph: bpy.types.Depsgraph, materials: MaterialTable, warnings: list[str]) -> Placements:
     """All meshes, instances and lights that the depsgraph shows in its mode (render or viewport)."""
+    view_layer = depsgraph.view_layer_eval
     meshes = MeshTable()
     instances: list[InstanceData] = []
     lights: list[LightData] = []
-    prepared: dict[tuple[int, int, int], _Prepared] = {}
+    # Evaluated copies have no session_uid and instances have no address that lasts: originals tell objects apart.
+    parts: dict[tuple[int, int], _Part] = {}
+    flags: dict[tuple[int, bool], _Flags] = {}
     skipped: Counter[tuple[str, str]] = Counter()
+
+    def flags_of(obj: bpy.types.Object, is_placed: bool) -> _Flags:
+        key = (obj.original.session_uid, is_placed)
+        if key not in flags:
+            flags[key] = _flags(obj, view_layer if is_placed else None)
+        return flags[key]
+
     # Matrices and flags of all items at once: one call costs less than a hundred items one by one.
     items = depsgraph.object_instances
     count = len(items)
     matrices, problems = _matrices(items, count)
     shown = np.empty(count, bool)
     items.foreach_get("show_self", shown)
-    randoms = np.empty(count, np.int32)
-    items.foreach_get("random_id", randoms)
-    fractions = np.minimum(randoms.view(np.uint32) / 0xFFFFFFFF, np.nextafter(1.0, 0.0)).tolist()
+    random_ids = np.empty(count, np.int32)
+    items.foreach_get("random_id", random_ids)
 
     for i, item in enumerate(items):
         if not shown[i]:
             continue
         obj = item.object
         kind = obj.type
-        if kind == "MESH":
-            parent = item.parent if item.is_instance else None
-            # Evaluated copies have no session_uid, and instances have no address that lasts.
-            key = (
-                obj.original.session_uid,
-                obj.data.as_pointer(),
-                parent.original.session_uid if parent is not None else 0,
-            )
-            entry = prepared.get(key)
-            if entry is None:
-                entry = prepared[key] = _prepare(obj, parent, depsgraph, materials, meshes, warnings)
-            if entry.mesh is None:
-                continue
-            if problems[i]:
-                skipped[entry.name, problems[i]] += 1
-                continue
-            instances.append(
-                InstanceData(
-                    name=entry.name,
-                    mesh=entry.mesh,
-                    world_from_object=matrices[i],
-                    materials=entry.materials,
-                    visibility=entry.visibility,
-                    is_holdout=entry.is_holdout,
-                    object_index=entry.object_index,
-                    random=fractions[i] if parent is not None else name_random(entry.name),
-                )
-            )
-        elif kind == "LIGHT":
-            parent = item.parent if item.is_instance else None
-            if problems[i]:
+        if kind in _UNSUPPORTED:
+            _warn_once(warnings, f'object "{obj.name}": {_UNSUPPORTED[kind]} not supported; left out')
+        if kind not in ("MESH", "LIGHT"):
+            continue
+        # An instance is seen by the rays that see both it and its instancer, and held out with either; what counts in
+        # the view layer are the collections of the instancer. All as in Cycles.
+        parent = item.parent if item.is_instance else None
+        own = flags_of(obj, is_placed=parent is None)
+        instancer = flags_of(parent, is_placed=True) if parent is not None else own
+        visibility = own.visibility & instancer.visibility
+        if not visibility:
+            continue
+        if kind == "LIGHT":
+            if problems[i] == _NOT_FINITE:
                 skipped[obj.name, problems[i]] += 1
                 continue
-            light = extract_light(obj, matrices[i], _visibility(obj, parent), warnings)
+            light = extract_light(obj, matrices[i], visibility, warnings)
             if light is not None:
                 lights.append(light)
-        elif kind in _UNSUPPORTED:
-            _warn_once(warnings, f'object "{obj.name}": {_UNSUPPORTED[kind]} not supported; left out')
+            continue
+        key = (obj.original.session_uid, obj.data.as_pointer())
+        if key not in parts:
+            parts[key] = _part(obj, view_layer.material_override, materials, meshes, warnings)
+        part = parts[key]
+        if part.mesh is None:
+            continue
+        if problems[i]:
+            skipped[part.name, problems[i]] += 1
+            continue
+        instances.append(
+            InstanceData(
+                name=part.name,
+                mesh=part.mesh,
+                world_from_object=matrices[i],
+                materials=part.materials,
+                visibility=visibility,
+                is_holdout=own.is_holdout or instancer.is_holdout,
+                object_index=part.object_index,
+                random=_fraction(int(random_ids[i])) if parent is not None else name_random(part.name),
+            )
+        )
     for (name, problem), times in skipped.items():
         warnings.append(f'object "{name}": {problem}; left out' + (f" ({times} instances)" if times > 1 else ""))
     return Placements(meshes.meshes, instances, lights)
@@ -183,7 +203,12 @@ def name_random(name: str) -> float:
     a = _mix(a, c, 4)
     b = _mix(b, a, 14)
     c = _mix(c, b, 24)
-    return min(c / 0xFFFFFFFF, float(np.nextafter(1.0, 0.0)))
+    return _fraction(c)
+
+
+def _fraction(word: int) -> float:
+    """[0, 1) from 32 bits, signed or not."""
+    return min((word & 0xFFFFFFFF) / 0xFFFFFFFF, 1.0 - 2.0**-24)
 
 
 def _mix(x: int, y: int, bits: int) -> int:
@@ -200,45 +225,25 @@ def _matrices(items: Any, count: int) -> tuple[DoubleArray, list[str]]:
     axes = np.where(usable[:, None, None], matrices[:, :3, :3], np.eye(3))
     box = np.prod(np.linalg.norm(axes, axis=1), axis=1)
     flattened = np.abs(np.linalg.det(axes)) <= _FLAT * box
-    problems = np.where(flattened, "its scale is 0 along an axis", "")
-    problems = np.where(usable, problems, "its position, rotation or scale is not a usable number")
+    problems = np.where(usable, np.where(flattened, _FLATTENED, ""), _NOT_FINITE)
     return matrices, problems.tolist()
 
 
-def _prepare(
+def _part(
     obj: bpy.types.Object,
-    parent: bpy.types.Object | None,
-    depsgraph: bpy.types.Depsgraph,
+    override: bpy.types.Material | None,
     materials: MaterialTable,
     meshes: MeshTable,
     warnings: list[str],
-) -> _Prepared:
-    """Mesh, materials and flags of one object below one instancer."""
-    name = obj.name
+) -> _Part:
+    """Mesh and materials of one object."""
     for system in obj.particle_systems:
         if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
-            _warn_once(warnings, f'object "{name}": hair is not supported; left out')
-    view_layer = depsgraph.view_layer_eval
-    instancer = parent if parent is not None else obj
-    is_holdout = obj.is_holdout or instancer.holdout_get(view_layer=view_layer)
-    visibility = _visibility(obj, parent)
-    if instancer.indirect_only_get(view_layer=view_layer):
-        visibility &= ~RayVisibility.CAMERA
-    if not visibility:
-        return _Prepared(name, None)
-
+            _warn_once(warnings, f'object "{obj.name}": hair is not supported; left out')
     slots = [slot.material for slot in obj.material_slots]
     mesh, used_slots = meshes.add(obj, len(slots), warnings)
-    if mesh is None:
-        return _Prepared(name, None)
-    return _Prepared(
-        name=name,
-        mesh=mesh,
-        materials=_materials_of(slots, used_slots, view_layer.material_override, materials),
-        visibility=visibility,
-        is_holdout=is_holdout,
-        object_index=obj.pass_index,
-    )
+    indices = _materials_of(slots, used_slots, override, materials) if mesh is not None else ()
+    return _Part(obj.name, mesh, indices, obj.pass_index)
 
 
 def _materials_of(
@@ -256,20 +261,24 @@ def _materials_of(
     return tuple(indices.get(slot, indices[used[0]]) for slot in range(len(slots)))
 
 
-def _visibility(obj: bpy.types.Object, parent: bpy.types.Object | None) -> RayVisibility:
-    """Rays that see an object; an instance is seen by those that see both it and its instancer, as in Cycles."""
+def _flags(obj: bpy.types.Object, view_layer: bpy.types.ViewLayer | None) -> _Flags:
+    """Flags of an object itself and, with a ``view_layer``, of its collections there."""
     visibility = RayVisibility.ALL
-    for each in (obj,) if parent is None else (obj, parent):
-        for flag, is_set in (
-            (RayVisibility.CAMERA, each.visible_camera),
-            (RayVisibility.DIFFUSE, each.visible_diffuse),
-            (RayVisibility.GLOSSY, each.visible_glossy),
-            (RayVisibility.TRANSMISSION, each.visible_transmission),
-            (RayVisibility.SHADOW, each.visible_shadow),
-        ):
-            if not is_set:
-                visibility &= ~flag
-    return visibility
+    for flag, is_set in (
+        (RayVisibility.CAMERA, obj.visible_camera),
+        (RayVisibility.DIFFUSE, obj.visible_diffuse),
+        (RayVisibility.GLOSSY, obj.visible_glossy),
+        (RayVisibility.TRANSMISSION, obj.visible_transmission),
+        (RayVisibility.SHADOW, obj.visible_shadow),
+    ):
+        if not is_set:
+            visibility &= ~flag
+    is_holdout = obj.is_holdout
+    if view_layer is not None:
+        is_holdout = is_holdout or obj.holdout_get(view_layer=view_layer)
+        if obj.indirect_only_get(view_layer=view_layer):
+            visibility &= ~RayVisibility.CAMERA
+    return _Flags(visibility, is_holdout)
 
 
 def _warn_once(warnings: list[str], text: str) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from ... import light_units
 from ...scene import AreaShape, DoubleArray, FloatArray, LightData, LightKind, RayVisibility
+from .transforms import rigid
 
 
 def extract_light(
@@ -39,7 +40,7 @@ def extract_light(
         "name": obj.name,
         "kind": kind,
         "position": world_from_object[:3, 3].copy(),
-        "axes": _axes(world_from_object),
+        "axes": rigid(world_from_object)[:3, :3].T.copy(),
         "casts_shadow": bool(light.use_shadow),
         "visibility": visibility,
     }
@@ -82,12 +83,6 @@ def _color(light: bpy.types.Light) -> DoubleArray:
 
 def _intensity(color: DoubleArray, factor: float) -> FloatArray:
     return np.minimum(color * factor, np.finfo(np.float32).max).astype(np.float32)
-
-
-def _axes(world_from_object: DoubleArray) -> DoubleArray:
-    """(3, 3) rows: unit x, y, z axes."""
-    axes = world_from_object[:3, :3].T
-    return axes / np.linalg.norm(axes, axis=1, keepdims=True)
 
 
 def _warn_unsupported(obj: bpy.types.Object, warnings: list[str]) -> None:

@@ -74,7 +74,7 @@ def extract_mesh(mesh: bpy.types.Mesh, slot_count: int) -> ExtractedMesh:
 
 def _read(collection: Any, name: str, dtype: type, width: int = 1) -> npt.NDArray[Any]:
     """Property ``name`` of every item: (N,) for width 1, else (N, width)."""
-    values = np.empty(len(collection) * width, dtype)
+    values: npt.NDArray[Any] = np.empty(len(collection) * width, dtype)
     collection.foreach_get(name, values)
     return values if width == 1 else values.reshape(-1, width)
 
@@ -99,7 +99,8 @@ def _triangle_slots(mesh: bpy.types.Mesh, slot_count: int) -> IntArray:
     if slot_count < 2 or attribute is None or attribute.domain != "FACE" or attribute.data_type != "INT":
         return np.zeros(len(mesh.loop_triangles), np.int32)
     faces = _read(mesh.loop_triangle_polygons, "value", np.int32)
-    return np.clip(_read(attribute.data, "value", np.int32), 0, slot_count - 1)[faces]
+    slots: IntArray = np.clip(_read(attribute.data, "value", np.int32), 0, slot_count - 1)[faces]
+    return slots
 
 
 def _has_area(positions: FloatArray, triangles: IntArray) -> npt.NDArray[np.bool_]:
@@ -107,7 +108,7 @@ def _has_area(positions: FloatArray, triangles: IntArray) -> npt.NDArray[np.bool
     first = positions[triangles[:, 0]]
     a = positions[triangles[:, 1]] - first
     b = positions[triangles[:, 2]] - first
-    result = a[:, 1] * b[:, 2] != a[:, 2] * b[:, 1]
+    result: npt.NDArray[np.bool_] = a[:, 1] * b[:, 2] != a[:, 2] * b[:, 1]
     result |= a[:, 2] * b[:, 0] != a[:, 0] * b[:, 2]
     result |= a[:, 0] * b[:, 1] != a[:, 1] * b[:, 0]
     return result
@@ -172,7 +173,7 @@ def _active_color(mesh: bpy.types.Mesh, layers: dict[str, FloatArray]) -> str | 
     """The colour attribute that renders by default."""
     index = mesh.color_attributes.render_color_index
     if 0 <= index < len(mesh.color_attributes):
-        name = mesh.color_attributes[index].name
+        name: str = mesh.color_attributes[index].name
         if name in layers:
             return name
     return next(iter(layers), None)
