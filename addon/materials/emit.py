@@ -6,7 +6,6 @@ The text depends on the structure alone: two materials that differ in numbers, i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -96,8 +95,7 @@ class Emitter:
         if expr.kind == "leaf":
             return self._leaf(*expr.value)
         args = [self._names[id(arg)] for arg in expr.args]
-        value_key = expr.value.tiles if isinstance(expr.value, Sample) else None
-        key = (expr.kind, tuple(args), id(expr.value) if isinstance(expr.value, Ramp) else None, _tile_key(value_key, expr))
+        key = (expr.kind, tuple(args), _value_key(expr.value))
         if key not in self._by_key:
             if expr.kind == "sample":
                 text = self._sample(expr.value, *args)
@@ -212,7 +210,9 @@ class Emitter:
         return lines, np.array(rows, dtype=np.float32).reshape(-1, 4)
 
 
-def _tile_key(tiles: Sequence[tuple[int, ImageData]] | None, expr: Expr) -> Any:
-    if tiles is None:
-        return None
-    return (tuple((number, id(image)) for number, image in tiles), expr.value.extension, expr.value.interpolation)
+def _value_key(value: Any) -> Any:
+    """Equal for look-ups that are the same."""
+    if isinstance(value, Sample):
+        tiles = tuple((number, id(image)) for number, image in value.tiles)
+        return tiles, value.extension, value.interpolation
+    return id(value) if isinstance(value, Ramp) else None

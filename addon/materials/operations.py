@@ -79,10 +79,10 @@ def specular_scale_bias(cosine: Any, roughness: Any) -> tuple[Array, Array]:
         )
         for j, c in enumerate(row)
     )
-    above = 1.06977 - 2.66585 * x - 1.50918 * y + 4.35097 * x * y + 1.64219 * x**2 + 0.76128 * y**2
-    above = above - 2.99809 * x**2 * y - 2.50126 * x * y**2 + 1.87946 * x**2 * y**2
-    below = 1.0 + 2.37626 * x + 0.68962 * y - 30.82526 * x * y + 11.94886 * x**2 + 5.32058 * y**2
-    below = below + 14.73701 * x**2 * y + 58.57481 * x * y**2 - 61.35015 * x**2 * y**2
+    above = 1.02276 - 2.48686 * x - 0.88254 * y + 1.84063 * x * y + 1.56836 * x**2 + 0.47871 * y**2
+    above = above - 0.98276 * x**2 * y - 1.61105 * x * y**2 + 1.20929 * x**2 * y**2
+    below = 1.0 + 2.66107 * x - 0.48812 * y - 20.44128 * x * y + 7.78812 * x**2 + 13.28358 * y**2
+    below = below + 18.0169 * x**2 * y + 5.32168 * x * y**2 - 10.09386 * x**2 * y**2
     bias = np.clip(above / below, 0.0, 1.0)
     return np.maximum(np.clip(whole, 0.0, 1.0) - bias, 0.0), bias
 
