@@ -27,6 +27,7 @@ class Features:
     bounces: bool
     shadow_cones: bool
     gather_cones: bool
+    needs_cones: bool
     gather_occlusion: bool
 
     @classmethod
@@ -39,8 +40,10 @@ class Features:
         occlusion = settings.gather_mode == "OCCLUSION"
         gather = has_geometry and lit and settings.use_indirect and settings.indirect_amount > 0.0
         glossy = has_geometry and lit and specular and settings.use_specular and settings.specular_amount > 0.0
-        needs_radiance = (gather or glossy) and not occlusion
         direct = has_geometry and bool(scene.lights) and settings.use_direct and settings.direct_amount > 0.0
+        shadow_cones = direct and settings.use_shadows and settings.shadow_mode == "CONE"
+        needs_radiance = ((gather or glossy) and not occlusion) or shadow_cones
+        gather_cones = gather and settings.gather_mode == "CONES"
         visible = any(
             light.visibility & RayVisibility.CAMERA
             and (light.radius > 0.0 or light.kind == LightKind.AREA or (light.kind == LightKind.SUN and light.angle > 0.0))
@@ -58,8 +61,9 @@ class Features:
             has_visible_lights=visible,
             needs_radiance=needs_radiance,
             bounces=needs_radiance and settings.bounces > 0,
-            shadow_cones=direct and settings.use_shadows and settings.shadow_mode == "CONE",
-            gather_cones=needs_radiance and gather and settings.gather_mode == "CONES",
+            shadow_cones=shadow_cones,
+            gather_cones=gather_cones,
+            needs_cones=shadow_cones or gather_cones,
             gather_occlusion=occlusion,
         )
 

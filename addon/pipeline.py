@@ -89,13 +89,14 @@ class Pipeline:
         self._inject = InjectPass(gpu)
         self._links = LinkPass(gpu)
         self._bounce = BouncePass(gpu)
-        self._cones: ConeVolume | None = None
+        self._cones = ConeVolume(gpu)
         self._surface = SurfacePass(gpu)
         self._direct = DirectPass(gpu)
         self._gather = GatherPass(gpu)
         self._scene: SceneData | None = None
         self._settings = Settings()
         self._size = (0, 0)
+        self._radiance_version = 0
         self.features: Features | None = None
         self.grid: VoxelGrid | None = None
         self.warnings: list[str] = []
@@ -171,6 +172,12 @@ class Pipeline:
             self._links.release()
             self._bounce.release()
             memo.forget("links", "radiance")
+        if not features.needs_cones:
+            self._cones.release()
+            memo.forget("cones")
+        elif memo.stale("cones", self._radiance_version):
+            self._cones.run(voxels, self._bounce.radiance[0])
+            memo.done("cones", self._radiance_version)
 
         self.warnings = list(dict.fromkeys(warnings))
         self._surface.allocate(size, len(materials.batches))
@@ -200,6 +207,7 @@ class Pipeline:
                 for share in self._bounce.run(voxels, self._links, settings):
                     yield Progress(0.9 + 0.1 * share, "Bouncing light")
             memo.done("radiance", *light)
+            self._radiance_version += 1
 
     # Picture ----------------------------------------------------------------------------------------------------
 
@@ -262,7 +270,7 @@ class Pipeline:
     def release(self) -> None:
         """Free every GL object."""
         for part in (
-            self._surface, self._direct, self._gather, self._bounce, self._links, self._lights, self._world,
+            self._surface, self._direct, self._gather, self._cones, self._bounce, self._links, self._lights, self._world,
             self._voxelize, self._geometry, self._materials, self.film,
         ):
             part.release()

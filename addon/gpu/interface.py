@@ -205,6 +205,7 @@ def prelude() -> str:
     }
     defines |= {f"LIGHT_{kind.name}": f"{kind.value}u" for kind in LightKind}
     defines |= {f"RAY_{flag.name}": f"{flag.value}u" for flag in RayVisibility}
+    defines["RAY_ALL"] = f"{RayVisibility.ALL.value}u"
     defines["TRIANGLE_HOLDOUT"] = f"{TRIANGLE_HOLDOUT}u"
     defines |= {"LIGHT_CASTS_SHADOW": "256u", "LIGHT_IS_ELLIPSE": "512u", "LIGHT_IS_SPHERE": "1024u"}
     lines = [f"#define {name} {value}" for name, value in defines.items()]

@@ -88,12 +88,12 @@ class DirectPass:
         self.pictures = LightingPictures(gpu, "direct light")
 
     def run(
-        self, surface: SurfacePictures, voxels: Voxels, lights: LightTable, cones: ConeVolume | None, camera: CameraRays,
+        self, surface: SurfacePictures, voxels: Voxels, lights: LightTable, cones: ConeVolume, camera: CameraRays,
         offset: tuple[float, float], sample: int, features: Features, settings: Settings,
     ) -> Iterator[float]:
         """Yields the share done."""
         self.pictures.allocate(surface.size, diffuse=True, glossy=features.has_glossy)
-        shadow_cones = features.shadow_cones and cones is not None
+        shadow_cones = features.shadow_cones
         kernel = self.gpu.kernel(
             "direct", voxels.trace_defines | {"HAS_GLOSSY": features.has_glossy, "SHADOW_CONES": shadow_cones}
         )
@@ -102,7 +102,7 @@ class DirectPass:
             voxels.bind(kernel)
             lights.bind(kernel, settings)
             bind_pixels(kernel, surface, camera, offset)
-            if shadow_cones and cones is not None:
+            if shadow_cones:
                 cones.bind(kernel)
             self.pictures.bind_images()
             kernel.set(
@@ -128,12 +128,12 @@ class GatherPass:
 
     def run(
         self, surface: SurfacePictures, voxels: Voxels, radiance: moderngl.Texture | None, lights: LightTable,
-        world: WorldLight, cones: ConeVolume | None, camera: CameraRays, offset: tuple[float, float], sample: int,
+        world: WorldLight, cones: ConeVolume, camera: CameraRays, offset: tuple[float, float], sample: int,
         features: Features, settings: Settings,
     ) -> Iterator[float]:
         """Yields the share done."""
         self.pictures.allocate(surface.size, diffuse=features.has_diffuse_gather, glossy=features.has_glossy)
-        gather_cones = features.gather_cones and cones is not None
+        gather_cones = features.gather_cones
         kernel = self.gpu.kernel(
             "gather",
             voxels.trace_defines
@@ -155,7 +155,7 @@ class GatherPass:
             lights.bind(kernel, settings)
             world.bind(kernel)
             bind_pixels(kernel, surface, camera, offset)
-            if gather_cones and cones is not None:
+            if gather_cones:
                 cones.bind(kernel)
             self.pictures.bind_images()
             kernel.set(

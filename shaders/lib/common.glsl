@@ -6,7 +6,7 @@ const float PI = 3.14159265358979;
 // Number of this thread in a list that was started with Kernel.run_list.
 uint invocation_index()
 {
-    return gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x;
+    return gl_GlobalInvocationID.x + gl_GlobalInvocationID.y * gl_NumWorkGroups.x * uint(GROUP_SIZE);
 }
 
 // Texel of entry `index` of a list kept in a 2D texture.

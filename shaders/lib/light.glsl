@@ -26,8 +26,8 @@ float spot_attenuation(Light light, vec3 from_light)
     return smoothstep(0.0, 1.0, (cosine - light.cos_cone) * light.spot_smooth);
 }
 
-// Share of an area light's radiance at angle theta off its normal for a spread of 2 h, h below 90 degrees; its
-// integral over the hemisphere is that of the full spread. Cycles, area_light_spread_attenuation.
+// Share of an area light's radiance at an angle off its normal (its cosine is given) for a spread of 2 h:
+// max(0, 1 - tan angle / tan h). Cycles, area_light_spread_attenuation; the gain that keeps the power is in `intensity`.
 float spread_attenuation(Light light, float cosine)
 {
     float h = light.spot_smooth;
@@ -35,8 +35,7 @@ float spread_attenuation(Light light, float cosine)
         return 1.0;
     }
     float tangent = sqrt(max(0.0, 1.0 - cosine * cosine)) / max(cosine, 1e-6);
-    float scale = h < 0.05 ? 3.0 / (h * h * h) : 1.0 / (tan(h) - h);
-    return max(tan(h) - tangent, 0.0) * scale;
+    return max(0.0, 1.0 - tangent / tan(h));
 }
 
 // 1 / distance^k over 1 / distance^2: what a falloff that is not physical changes.

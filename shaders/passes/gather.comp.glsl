@@ -80,7 +80,11 @@ void main()
 #if HAS_DIFFUSE
         if (max_component(p.diffuse) > 0.0) {
 #if GATHER_CONES
-            diffuse = cone_gather(p.position, p.normal, p.geometric_normal, max_distance);
+            for (int k = 0; k < 6; ++k) {
+                vec4 axis = hemisphere_cone(p.normal, k);
+                vec4 found = trace_cone(Cone(p.position, axis.xyz, p.geometric_normal, 0.57735, max_distance));
+                diffuse += axis.w * (found.rgb + found.a * world_or_black(axis.xyz));
+            }
 #else
             for (uint k = 0u; k < ray_count; ++k) {
                 uint index = sample_index * ray_count + k;

@@ -50,10 +50,10 @@ def _converters(
     warnings: list[str],
 ) -> tuple[Callable[[bpy.types.Material], MaterialData], Callable[[bpy.types.World], WorldData]]:
     """What turns materials and worlds into data; both share the images they load."""
-    from .image import ImageCache
+    from .image import ImageReader
     from .material import extract_material, extract_world
 
-    images = ImageCache()
+    images = ImageReader()
     return (
         lambda material: extract_material(material, images, warnings),
         lambda world: extract_world(world, images, warnings),
