@@ -40,24 +40,19 @@ def _of_data(data: Any) -> Change:
         case bpy.types.NodeTree() | bpy.types.Image() | bpy.types.MovieClip() | bpy.types.Texture():
             return _SHARED_LOOK
         case bpy.types.Scene():
-            return Change.SETTINGS | Change.CAMERA  # the scene says which camera is used
+            # The scene says which camera is used, and nothing else tells that a collection is hidden.
+            return Change.SETTINGS | Change.CAMERA | Change.GEOMETRY
         case _:
             return Change.GEOMETRY  # meshes, curves, collections, shape keys, and whatever else makes objects
 
 
 def _of_object(update: Any) -> Change:
-    if not (update.is_updated_geometry or update.is_updated_transform or update.is_updated_shading):
-        return Change.GEOMETRY  # visibility, or a property that no flag tells about
     if update.id.type == "CAMERA":
         return Change.CAMERA
     if update.id.type == "LIGHT":
         return Change.LIGHT
-    change = Change.NONE
-    if update.is_updated_geometry or update.is_updated_transform:
-        change |= Change.GEOMETRY
-    if update.is_updated_shading:
-        change |= Change.MATERIAL
-    return change
+    # Visibility to kinds of rays counts as geometry here, and Blender reports it as shading.
+    return Change.GEOMETRY | Change.MATERIAL if update.is_updated_shading else Change.GEOMETRY
 
 
 def changes_in(depsgraph: Any) -> Change:

@@ -48,12 +48,11 @@ class ConelightEngine(bpy.types.RenderEngine):
 
     def update(self, data: Any = None, depsgraph: Any = None) -> None:
         """Reads the scene, at the one time when that is safe beside the user interface."""
-        self._failed = False
-        if not self.is_preview:
-            session.last_error = None
-            session.last_statistics.clear()
         if self._session is None:
             self._session = Session(is_preview=self.is_preview)
+        self._failed = session.last_error is not None and not self._session.is_preview
+        if self._failed:
+            return  # an earlier layer or frame of this render failed, and Blender goes on all the same
         try:
             self._session.synchronize(depsgraph, (self.resolution_x, self.resolution_y))
         except (Exception, KeyboardInterrupt) as error:
@@ -76,7 +75,8 @@ class ConelightEngine(bpy.types.RenderEngine):
 
     def _render(self, scene: Any, view_layer: Any, result: Any) -> bool:
         """Fills ``result``. Returns False when the user cancelled."""
-        assert self._session is not None
+        current = self._session
+        assert current is not None
         film_passes = wanted_passes(view_layer)
         names = {film_pass.name for film_pass in film_passes}
         size = (result.resolution_x, result.resolution_y)
@@ -84,9 +84,9 @@ class ConelightEngine(bpy.types.RenderEngine):
         last_update = time.perf_counter()
 
         def write() -> None:
-            film = self._session.film
+            film = current.film
             missing = write_passes(result.layers[0].passes, film.names, film.read, bpy.app.version)
-            if missing and not self.is_preview:
+            if missing and not current.is_preview:
                 session.add_warning(f"passes without content in this version: {', '.join(missing)}")
 
         def show(samples: int) -> None:
@@ -98,9 +98,9 @@ class ConelightEngine(bpy.types.RenderEngine):
             last_update = time.perf_counter()
 
         border = session.pixel_border(scene.render, frame, size)
-        if not self._session.render(size, names, self._step, show, border):
+        if not current.render(size, names, self._step, show, border):
             return False
-        if scene.render.use_multiview and not self.is_preview:
+        if scene.render.use_multiview and not current.is_preview:
             session.add_warning("stereoscopy is not supported: every view shows the centre camera's picture")
         write()
         return True
@@ -109,7 +109,8 @@ class ConelightEngine(bpy.types.RenderEngine):
         """Progress of a render. Returns False when the user pressed Esc."""
         self.update_progress(fraction)
         self.update_stats("", text)
-        if session.progress_listener is not None and not self.is_preview:
+        is_preview = self._session is not None and self._session.is_preview
+        if session.progress_listener is not None and not is_preview:
             session.progress_listener(fraction, text)
         return not self.test_break()
 
@@ -118,7 +119,7 @@ class ConelightEngine(bpy.types.RenderEngine):
         self._failed = True
         if not session.is_expected(error) and not isinstance(error, KeyboardInterrupt):
             _log.error("Conelight: unexpected error", exc_info=error)
-        if self.is_preview:
+        if self._session is not None and self._session.is_preview:
             return
         session.last_error = session.sentence(error)
         self.report({"ERROR"}, session.last_error)
@@ -144,10 +145,19 @@ class ConelightEngine(bpy.types.RenderEngine):
         self.update_stats("Conelight", "There is no rendered viewport yet: press F12, or use Material Preview")
 
 
+@bpy.app.handlers.persistent
+def _on_render_init(*_: Any) -> None:
+    """A render starts, of one or more frames and layers. Previews do not come here."""
+    session.begin_render()
+
+
 def register() -> None:
     bpy.utils.register_class(ConelightEngine)
+    bpy.app.handlers.render_init.append(_on_render_init)
 
 
 def unregister() -> None:
+    if _on_render_init in bpy.app.handlers.render_init:
+        bpy.app.handlers.render_init.remove(_on_render_init)
     if ConelightEngine.is_registered:
         bpy.utils.unregister_class(ConelightEngine)

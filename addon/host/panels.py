@@ -63,6 +63,8 @@ class _OwnPanel:
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     COMPAT_ENGINES = {ENGINE_ID}
+    bl_label: str
+    layout: Any
 
     @classmethod
     def poll(cls, context: Any) -> bool:
@@ -227,9 +229,9 @@ CLASSES: tuple[type, ...] = (
 )
 
 
-def _all_panels(base: type | None = None) -> Iterator[Any]:
+def _all_panels(base: Any = bpy.types.Panel) -> Iterator[Any]:
     """Every panel class that there is, of Blender and of add-ons."""
-    for panel in (base or bpy.types.Panel).__subclasses__():
+    for panel in base.__subclasses__():
         yield panel
         yield from _all_panels(panel)
 

@@ -24,32 +24,29 @@ _PREVIEW = {
 }
 
 
+def _tag(group: Any, context: Any) -> None:
+    """A change from Python counts as much as one from a panel, which tags the scene by itself."""
+    group.id_data.update_tag()
+
+
 def _property(setting: Setting) -> Any:
     """The Blender property that a setting becomes."""
-    text = setting.help.rstrip(".") + (f".\nCost: {setting.cost}" if setting.cost != "none" else "")
-    label = setting.label
+    common: dict[str, Any] = {"name": setting.label, "default": setting.default, "update": _tag}
+    common["description"] = setting.help.rstrip(".") + (f".\nCost: {setting.cost}" if setting.cost != "none" else "")
     if setting.choices:
-        return bpy.props.EnumProperty(name=label, description=text, items=setting.choices, default=setting.default)
+        return bpy.props.EnumProperty(items=setting.choices, **common)
     if setting.kind is bool:
-        return bpy.props.BoolProperty(name=label, description=text, default=setting.default)
+        return bpy.props.BoolProperty(**common)
     if setting.kind is str:
-        return bpy.props.StringProperty(name=label, description=text, default=setting.default)
+        return bpy.props.StringProperty(**common)
 
-    limits: dict[str, Any] = {}
-    if setting.lo is not None:
-        limits.update(min=setting.kind(setting.lo))
-    if setting.hi is not None:
-        limits.update(max=setting.kind(setting.hi))
-    if setting.soft_hi is not None:
-        limits.update(soft_max=setting.kind(setting.soft_hi))
+    limits = {"min": setting.lo, "max": setting.hi, "soft_max": setting.soft_hi}
+    common |= {limit: setting.kind(value) for limit, value in limits.items() if value is not None}
     if setting.kind is int:
         if setting.unit is not Unit.NONE:
-            label = f"{label} ({setting.unit.value})"
-        return bpy.props.IntProperty(name=label, description=text, default=setting.default, **limits)
-    return bpy.props.FloatProperty(
-        name=label, description=text, default=setting.default, precision=3, **limits,
-        **_BLENDER_UNITS.get(setting.unit, {}),
-    )
+            common["name"] += f" ({setting.unit.value})"
+        return bpy.props.IntProperty(**common)
+    return bpy.props.FloatProperty(precision=3, **common, **_BLENDER_UNITS.get(setting.unit, {}))
 
 
 def _get_preset(group: Any) -> int:

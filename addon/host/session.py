@@ -25,7 +25,8 @@ from .properties import settings_from_scene
 #: What the last render (not a preview) was and took; empty before the first. Keys: see docs of ``--stats``.
 last_statistics: dict[str, Any] = {}
 
-#: Why the last render (not a preview) failed, in one sentence; None: it did not.
+#: Why the last render (not a preview) failed, in one sentence; None: it did not. A render of several layers or frames
+#: ends with the first that fails.
 last_error: str | None = None
 
 #: Hears of every step of a render (not of previews): fraction 0..1 done, and what is being done.
@@ -78,6 +79,13 @@ def backend_in_use() -> tuple[str, str | None]:
     return backend, backend_problem(backend, version)
 
 
+def begin_render() -> None:
+    """Forgets what the last render left behind."""
+    global last_error
+    last_error = None
+    last_statistics.clear()
+
+
 def add_warning(text: str) -> None:
     """Adds to the warnings of the last render something that only the host knows."""
     warnings = last_statistics.setdefault("warnings", [])
@@ -92,7 +100,7 @@ def sentence(error: BaseException) -> str:
     if isinstance(error, ImportError):
         return f"Conelight is not installed completely ({error}): install the extension again."
     if isinstance(error, MemoryError):
-        return "There is not enough memory for this render: lower the resolution or the voxel resolution."
+        return str(error) or "There is not enough memory for this render: lower the resolution or the voxel resolution."
     if isinstance(error, KeyboardInterrupt):
         return "The render was interrupted."
     return f"Conelight failed where it should not: {type(error).__name__}: {error}"
@@ -156,8 +164,8 @@ class Session:
 
         ``wanted``: names of passes. ``border``: part of the frame that the picture shows (x0, y0, x1, y1 in 0..1,
         origin bottom left), where it is not what the scene says. ``after_sample(samples)`` may read the film. Returns
-        False when ``step`` cancelled. Needs a current GL context, and leaves its state as it was. Raises GpuUnavailable,
-        PipelineError, and RenderFailed when there is no scene.
+        False when ``step`` cancelled. Needs a current GL context, and leaves its state as it was.
+        Raises GpuUnavailable, PipelineError, and RenderFailed when there is no scene.
         """
         if self.scene is None:
             raise RenderFailed("There is no scene to render.")
@@ -261,16 +269,16 @@ def _release(pipeline: Any, context: Any) -> None:
     with context.guard():
         if pipeline is not None:
             pipeline.release()
-    context.release()
+        context.release()
 
 
 def _scene_key(depsgraph: Any, resolution: tuple[int, int]) -> tuple[Any, ...]:
     """What a scene depends on and a depsgraph does not report as an update."""
-    scene, render = depsgraph.scene, depsgraph.scene.render
+    scene, view_layer, render = depsgraph.scene, depsgraph.view_layer, depsgraph.scene.render
     border = (render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y)
     return (
-        scene.session_uid, depsgraph.view_layer.name, depsgraph.mode, resolution,
-        scene.frame_current, scene.frame_subframe, scene.camera.session_uid if scene.camera else None,
+        scene.session_uid, view_layer.name, depsgraph.mode, resolution, scene.frame_current, scene.frame_subframe,
+        *(data and data.session_uid for data in (scene.camera, scene.world, view_layer.material_override)),
         render.use_border, border, render.pixel_aspect_x, render.pixel_aspect_y,
         render.film_transparent, render.filter_size,
     )  # fmt: skip
