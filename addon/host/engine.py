@@ -10,6 +10,7 @@ from typing import Any
 import bpy
 
 from . import session
+from .backend import background_has_gl
 from .film import wanted_passes, write_passes
 from .session import Session
 
@@ -27,7 +28,7 @@ class ConelightEngine(bpy.types.RenderEngine):
     bl_idname = ENGINE_ID
     bl_label = "Conelight"
     bl_use_preview = True
-    bl_use_gpu_context = True
+    bl_use_gpu_context = True  # see register()
     bl_use_eevee_viewport = True  # EEVEE serves Material Preview, as it does for Cycles
     bl_use_postprocess = True
     bl_use_shading_nodes_custom = False  # Blender's own shader nodes
@@ -152,6 +153,8 @@ def _on_render_init(*_: Any) -> None:
 
 
 def register() -> None:
+    # Blender crashes where an engine asks for a context and there is none; without one, rendering says so.
+    ConelightEngine.bl_use_gpu_context = not bpy.app.background or background_has_gl()
     bpy.utils.register_class(ConelightEngine)
     bpy.app.handlers.render_init.append(_on_render_init)
 

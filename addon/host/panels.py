@@ -10,6 +10,7 @@ import bpy
 
 from ..settings import Panel, Settings
 from . import session
+from .backend import backend_in_use
 from .engine import ENGINE_ID
 from .film import PASSES
 
@@ -79,7 +80,7 @@ class RENDER_PT_conelight(_OwnPanel, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
-        backend, problem = session.backend_in_use()
+        backend, problem = backend_in_use()
         if problem is not None:
             _draw_sentences(layout.box(), [problem], "ERROR")
         layout.prop(context.scene.conelight, "preset")

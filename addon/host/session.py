@@ -8,17 +8,16 @@ A session first reads the scene (:meth:`Session.synchronize`, no graphics contex
 from __future__ import annotations
 
 import dataclasses
-import re
 import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
 import bpy
-import gpu
 import numpy as np
 
 from ..scene import SceneData
 from ..settings import Settings
+from .backend import backend_in_use
 from .changes import Change, changes_in
 from .properties import settings_from_scene
 
@@ -44,39 +43,6 @@ _abandoned: list[tuple[Any, Any]] = []
 
 class RenderFailed(Exception):
     """A render cannot go on; the message is a sentence for the user."""
-
-
-def backend_problem(backend: str, version: str) -> str | None:
-    """Why Conelight cannot render on Blender's graphics ``backend`` (OPENGL, VULKAN, METAL, ...); None: it can.
-
-    ``version``: as OpenGL states it, such as "4.5 (Core Profile) Mesa 22.3".
-    """
-    if backend == "METAL":
-        return "Conelight needs OpenGL 4.3, and Blender has only Metal on this system: macOS is not supported."
-    if backend == "VULKAN":
-        return (
-            "Conelight needs OpenGL, and Blender uses Vulkan: choose OpenGL in Preferences > System > Display Graphics "
-            "and restart Blender."
-        )
-    if backend not in ("OPENGL", "UNKNOWN"):
-        return f"Conelight needs OpenGL 4.3, and Blender runs without it (graphics backend: {backend})."
-    number = re.match(r"\s*(\d+)\.(\d+)", version)
-    if number and (int(number[1]), int(number[2])) < (4, 3):
-        return (
-            f"Conelight needs OpenGL 4.3, and this graphics driver has {number[0].strip()}: "
-            "update the driver or use another graphics device."
-        )
-    return None
-
-
-def backend_in_use() -> tuple[str, str | None]:
-    """Blender's graphics backend, and why it cannot be used (None: it can, or there is no telling yet)."""
-    try:
-        backend = gpu.platform.backend_type_get()
-        version = gpu.platform.version_get()
-    except SystemError:  # in background Blender has no graphics until something renders
-        return "UNKNOWN", None
-    return backend, backend_problem(backend, version)
 
 
 def begin_render() -> None:

@@ -670,7 +670,7 @@ def case_preview() -> None:
 
 
 def case_backend() -> None:
-    from addon.host.session import backend_problem
+    from addon.host.backend import backend_problem
 
     assert backend_problem("OPENGL", "4.5 (Core Profile) Mesa 22.3.6") is None
     assert backend_problem("OPENGL", "4.3.0 NVIDIA") is None
@@ -679,11 +679,23 @@ def case_backend() -> None:
     assert "Metal" in backend_problem("METAL", "") and backend_problem("NONE", "")
 
 
+def without_gl() -> None:
+    """Runs apart, where no OpenGL 4.3 context can be made. Blender crashes if an engine asks for one all the same."""
+    from addon.host import session
+
+    start()
+    said = render()
+    assert "OpenGL 4.3" in said and "driver" in said, said
+    assert session.last_error is not None and "OpenGL 4.3" in session.last_error
+    assert script.pipelines == 0
+
+
 CASES = {name.removeprefix("case_"): case for name, case in list(globals().items()) if name.startswith("case_")}
 
 
 def main() -> None:
-    """Runs every case; writes a line of JSON: case -> traceback or null."""
+    """Runs the cases, or ``without_gl`` when asked to; writes a line of JSON: case -> traceback or null."""
+    cases = {"without_gl": without_gl} if sys.argv[1:] == ["without_gl"] else CASES
     sys.path.insert(0, str(ROOT))
     outcome: dict[str, str | None] = {}
     try:
@@ -693,7 +705,7 @@ def main() -> None:
         import addon
 
         addon.register()
-        for name, case in CASES.items():
+        for name, case in cases.items():
             try:
                 case()
                 outcome[name] = None
@@ -707,16 +719,31 @@ def main() -> None:
     os._exit(0)  # Blender 4.5 hangs at exit once it has rendered on a GPU
 
 
-@pytest.fixture(scope="module")
-def outcome() -> dict[str, str | None]:
-    pytest.importorskip("bpy")
+def run_in_blender(*arguments: str, **environment: str) -> dict[str, str | None]:
+    """Runs this file as a script. Gives what became of each case."""
     process = subprocess.run(
-        [sys.executable, __file__], capture_output=True, text=True, timeout=300, cwd=ROOT, stdin=subprocess.DEVNULL
-    )
+        [sys.executable, __file__, *arguments], capture_output=True, text=True, timeout=300, cwd=ROOT,
+        stdin=subprocess.DEVNULL, env=os.environ | environment,
+    )  # fmt: skip
     for line in process.stdout.splitlines():
         if line.startswith(RESULT_MARK):
             return json.loads(line.removeprefix(RESULT_MARK))
     pytest.fail(f"Blender ended with status {process.returncode}:\n{process.stdout[-2000:]}\n{process.stderr[-4000:]}")
+
+
+@pytest.fixture(scope="module")
+def outcome() -> dict[str, str | None]:
+    return run_in_blender()
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="takes GL away by variables of Mesa and libglvnd")
+@pytest.mark.parametrize(
+    ("variable", "value"),
+    [("__EGL_VENDOR_LIBRARY_DIRS", "/nonexistent"), ("MESA_GL_VERSION_OVERRIDE", "4.1")],
+)
+def test_without_gl(variable: str, value: str) -> None:
+    outcome = run_in_blender("without_gl", **{variable: value, "LIBGL_ALWAYS_SOFTWARE": "1"})
+    assert outcome == {"without_gl": None}, outcome.popitem()[1]
 
 
 @pytest.mark.parametrize("name", CASES)
