@@ -64,8 +64,8 @@ _background_has_gl: bool | None = None
 def background_has_gl() -> bool:
     """Whether Blender in background can make the GL context that an engine may ask for.
 
-    Where it cannot and an engine asks, Blender 4.5 and 5.2 crash. Blender uses EGL there on Linux; elsewhere there is no
-    such crash to prevent, and the answer is yes.
+    Where it cannot and an engine asks, Blender 4.5 and 5.2 crash. That is known of Linux, where Blender uses EGL; the
+    answer elsewhere is yes.
     """
     global _background_has_gl
     if _background_has_gl is None:

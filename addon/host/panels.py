@@ -8,6 +8,7 @@ from typing import Any
 
 import bpy
 
+from ..grid import estimate_memory
 from ..settings import Panel, Settings
 from . import session
 from .backend import backend_in_use
@@ -186,20 +187,19 @@ def _draw_sentences(layout: Any, sentences: list[str], icon: str, width: int = 6
 
 def _draw_memory(layout: Any, settings: Any) -> None:
     """How much memory voxels will take, and took."""
+    voxels, memory = session.last_statistics.get("voxels", []), session.last_statistics.get("memory", {})
+    used = sum(memory.values()) if voxels and memory else 0
     column = layout.column(align=True)
     if settings.voxel_auto:
         column.label(text=f"Memory: up to {settings.memory_budget} MiB")
+    elif used:  # surfaces grow with the square of the resolution
+        estimate = used * (settings.voxel_resolution / max(voxels)) ** 2
+        column.label(text=f"Memory: about {estimate / 2**20:.0f} MiB, from the last render")
     else:
-        try:
-            from ..pipeline import estimate_memory
-
-            column.label(text=f"Memory: about {estimate_memory(settings.voxel_resolution) / 2**20:.0f} MiB")
-        except ImportError:
-            pass  # the message when something is rendered says what is missing
-    voxels, memory = session.last_statistics.get("voxels"), session.last_statistics.get("memory")
-    if voxels and memory:
-        used = sum(memory.values()) / 2**20
-        column.label(text=f"Last render: {' x '.join(map(str, voxels))} voxels, {used:.0f} MiB")
+        estimate = estimate_memory(settings.voxel_resolution, (1.0, 1.0, 1.0), 6.0, settings.bounce_rays)
+        column.label(text=f"Memory: about {estimate / 2**20:.0f} MiB for a closed room")
+    if used:
+        column.label(text=f"Last render: {' x '.join(map(str, voxels))} voxels, {used / 2**20:.0f} MiB")
 
 
 def _settings_panels() -> Iterator[type]:

@@ -47,9 +47,9 @@ class RenderFailed(Exception):
 
 def begin_render() -> None:
     """Forgets what the last render left behind."""
-    global last_error
+    global last_error, last_statistics
     last_error = None
-    last_statistics.clear()
+    last_statistics = {}
 
 
 def add_warning(text: str) -> None:
@@ -212,21 +212,20 @@ class Session:
                 self._pipeline = Pipeline(self._context)
 
     def _publish_statistics(self, size: tuple[int, int], render_ms: float, first_frame_ms: float) -> None:
+        global last_statistics
         if self.is_preview:
             return
-        last_statistics.clear()
-        last_statistics.update(self._pipeline.statistics())
-        last_statistics.update(
-            blender=bpy.app.version_string,
-            resolution=list(size),
-            samples=self.film.samples,
-            warnings=self.warnings,
-            wall_ms={
+        last_statistics = self._pipeline.statistics() | {
+            "blender": bpy.app.version_string,
+            "resolution": list(size),
+            "samples": self.film.samples,
+            "warnings": self.warnings,
+            "wall_ms": {
                 "total": self._extraction_ms + render_ms,
                 "extract_ms": self._extraction_ms,
                 "first_frame_ms": self._extraction_ms + first_frame_ms,
             },
-        )
+        }
 
 
 def _release(pipeline: Any, context: Any) -> None:

@@ -147,11 +147,9 @@ def stand_in() -> None:
     """Puts the stand-in where the engine imports the renderer from."""
     modules = {
         "addon.gpu.context": {"GpuContext": StandInContext, "GpuUnavailable": GpuUnavailable},
-        "addon.pipeline": {
-            "Pipeline": StandInPipeline, "PipelineError": PipelineError, "estimate_memory": lambda n: 1000 * n**2,
-        },
+        "addon.pipeline": {"Pipeline": StandInPipeline, "PipelineError": PipelineError},
         "addon.host.extract.scene": {"extract_scene": extract_scene, "ExtractionError": ExtractionError},
-    }  # fmt: skip
+    }
     for name, members in modules.items():
         module = types.ModuleType(name)
         module.__dict__.update(members)
@@ -322,8 +320,7 @@ def case_panels_draw() -> None:
     from addon.settings import Settings
 
     scene = start()
-    session.last_statistics.clear()
-    session.last_error = None
+    session.begin_render()
     drawn, labels = draw_panels()
     assert not set(Settings.declarations()) - set(drawn), "every setting is in a panel"
     assert not set(APPLIES) - set(Settings.declarations()), "a rule for a setting that is not there"
@@ -331,13 +328,16 @@ def case_panels_draw() -> None:
     assert any("256 MiB" in label for label in labels)
 
     scene.conelight.voxel_auto = False
+    assert any("for a closed room" in label for label in draw_panels()[1])
     scene.conelight.voxel_resolution = 1024
     scene.conelight.shadow_mode = "CONE"
     session.last_error = "There is no voxel left."
+    session.last_statistics |= {"voxels": [256, 128, 64], "memory": {"faces": 3 * 2**20, "links": 2**20}}
     session.last_statistics["warnings"] = ['material "Paint": node "Noise" is not supported ' + "and on " * 20]
     drawn, labels = draw_panels()
     assert drawn["voxel_resolution"] and not drawn["memory_budget"] and drawn["shadow_cone_angle"]
-    assert any("1000 MiB" in label for label in labels)
+    assert any("about 64 MiB" in label for label in labels)  # 4 MiB at 256, and 1024 were asked for
+    assert any("256 x 128 x 64 voxels, 4 MiB" in label for label in labels)
     assert "There is no voxel left." in labels
     assert 'material "Paint": node "Noise"' in " ".join(labels) and max(map(len, labels)) < 80
 
