@@ -123,6 +123,11 @@ def structural(expr: Expr) -> Expr:
     return expr
 
 
+def unless_zero(expr: Expr) -> Expr:
+    """``expr``, or the literal 0 if that is exactly what it is: for what is either there or not."""
+    return literal(0.0) if expr.kind == "constant" and bool(np.all(expr.value == 0.0)) else expr
+
+
 def _widest(args: tuple[Expr, ...]) -> str:
     types = {arg.type for arg in args}
     return VEC4 if VEC4 in types else VEC3 if VEC3 in types else FLOAT

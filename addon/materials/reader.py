@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from .closure import Closure
-from .expression import FLOAT, VEC3, Expr, average, constant, leaf, literal, luminance, splat, structural
+from .expression import FLOAT, VEC3, Expr, average, constant, leaf, literal, luminance, splat, structural, unless_zero
 from .graph import Node, NodeGraph, Socket
 
 #: Outputs of these identifiers are vectors; other outputs of three components are colours. (A vector becomes a number
@@ -171,7 +171,7 @@ class GraphReader:
         if node.idname in SHADER_NODES:
             closure = SHADER_NODES[node.idname](self, node)
         elif node.idname in VALUE_NODES:  # a colour linked to a shader input glows, as in Blender
-            closure = Closure(emission=structural(converted(self.output(name, output), VEC3, False)))
+            closure = Closure(emission=unless_zero(converted(self.output(name, output), VEC3, False)))
         else:
             self.warn(node, "is not supported; it is shown as grey diffuse")
             closure = Closure(diffuse=constant((0.8, 0.8, 0.8)))
