@@ -23,9 +23,10 @@ def node(name: str, idname: str, image: ImageSet | None = None, ramp: Any = (), 
         if key.startswith("p_"):
             properties[key[2:]] = value
             continue
-        identifier = key if key.startswith(("Value_", "Vector_", "Shader_", "A_", "B_", "Factor_")) else key.replace("_", " ")
+        numbered = key.startswith(("Value_", "Vector_", "Shader_", "A_", "B_", "Factor_"))
+        identifier = key if numbered else key.replace("_", " ")
         link = tuple(value.split(".")) if isinstance(value, str) else None
-        kind = "VALUE" if isinstance(value, float) else "RGBA" if isinstance(value, tuple) and len(value) == 4 else "VECTOR"
+        kind = "VALUE" if isinstance(value, float) else {4: "RGBA"}.get(len(value), "VECTOR")
         sockets[identifier] = Socket(identifier, kind, None if link else value, link)  # type: ignore[arg-type]
     return Node(name, "ShaderNode" + idname, sockets, properties, image, ramp)
 
@@ -74,13 +75,14 @@ void main() {{
 {layers}
     Surface s;
     evaluate_material(p, s);
-    results[i * 4u] = vec4(s.diffuse, s.roughness);
-    results[i * 4u + 1u] = vec4(s.specular_f0, s.transparency.x);
-    results[i * 4u + 2u] = vec4(s.specular_f90, 0.0);
-    results[i * 4u + 3u] = vec4(family_value(s), 0.0);
+    results[i * 5u] = vec4(s.diffuse, s.roughness);
+    results[i * 5u + 1u] = vec4(s.specular_f0, s.transparency.x);
+    results[i * 5u + 2u] = vec4(s.specular_f90, 0.0);
+    results[i * 5u + 3u] = vec4(s.emission, 0.0);
+    results[i * 5u + 4u] = vec4(s.normal_ws, 0.0);
 }}
 """
-    return with_includes(text.replace("family_value(s)", "s.emission"))
+    return with_includes(text)
 
 
 def check_glsl(text: str) -> None:
