@@ -85,6 +85,20 @@ void main() {{
     return with_includes(text)
 
 
+def world_shader(source: str, textures: int) -> str:
+    """A whole compute shader around a compiled world."""
+    samplers = "".join(f"uniform sampler2D world_texture_{i};\n" for i in range(textures))
+    return with_includes(f"""#version 430
+layout(local_size_x = 1) in;
+layout(std430, binding = 0) readonly buffer Parameters {{ vec4 parameters[]; }};
+layout(std430, binding = 1) buffer Results {{ vec4 results[]; }};
+vec4 world_parameter(int i) {{ return parameters[i]; }}
+{samplers}
+{source}
+void main() {{ results[0] = vec4(evaluate_world(results[0].xyz), 0.0); }}
+""")
+
+
 def check_glsl(text: str) -> None:
     """Fails unless ``text`` is a compute shader of GLSL 4.30; does nothing without glslangValidator."""
     validator = shutil.which("glslangValidator")

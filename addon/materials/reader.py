@@ -96,7 +96,7 @@ class GraphReader:
         return self.vector(node, identifier) if self.is_linked(node, identifier) else self.default_normal()
 
     def default_normal(self) -> Expr:
-        return leaf("direction_ws" if self.is_world else "normal_ws")
+        return -leaf("direction_ws") if self.is_world else leaf("normal_ws")
 
     def _input(self, node: Node, identifier: str, type: str, default: float | tuple[float, ...]) -> Expr:  # noqa: A002
         key = (node.name, identifier + "/" + type)

@@ -17,7 +17,7 @@ from addon.host.extract.material import extract_material, extract_world  # noqa:
 from addon.materials.compile import CompiledMaterials, CompiledWorld, compile_materials, compile_world  # noqa: E402
 from addon.materials.graph import AlphaMode, ImageEncoding, MaterialData  # noqa: E402
 from addon.materials.reader import SHADER_NODES, VALUE_NODES  # noqa: E402
-from blender_tests.material_shader import check_glsl, compute_shader  # noqa: E402
+from blender_tests.material_shader import check_glsl, compute_shader, world_shader  # noqa: E402
 
 #: Bases and outputs: no node that anyone links from.
 NOT_NODES = {"ShaderNode", "ShaderNodeTree", "ShaderNodeCustomGroup", "ShaderNodeGroup"}
@@ -361,7 +361,10 @@ def compiled_world(world: Any) -> CompiledWorld:
     warnings: list[str] = []
     data = extract_world(world, ImageReader(), warnings)
     assert not warnings
-    return compile_world(data)
+    result = compile_world(data)
+    if result.source is not None:
+        check_glsl(world_shader(result.source, len(result.textures)))
+    return result
 
 
 def test_constant_world() -> None:
@@ -376,7 +379,12 @@ def test_environment_texture_and_sky() -> None:
     node.image = bpy.data.images.new("env", 8, 4, float_buffer=True)
     compiled_env = compiled_world(world)
     assert compiled_env.radiance is None and len(compiled_env.images) == 1
-    assert "atan2" in str(compiled_env.source)
+    for coordinate in ("Generated", "Normal", "UV"):
+        mapping = add(world, "ShaderNodeMapping")
+        link(world, add(world, "ShaderNodeTexCoord").outputs[coordinate], mapping.inputs["Vector"])
+        mapping.inputs["Rotation"].default_value = (0.1, 0.2, 0.3)
+        link(world, mapping.outputs[0], node.inputs["Vector"])
+        compiled_world(world)
     world, _ = world_with("ShaderNodeTexSky")
     sky = compiled_world(world)
     assert sky.radiance is None and any("without a sun" in w for w in sky.warnings)

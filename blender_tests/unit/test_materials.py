@@ -112,14 +112,18 @@ def test_alpha_is_opacity_of_everything() -> None:
 
 
 def test_alpha_of_an_image_is_associated_only_when_alpha_is_not_used() -> None:
+    """Bytes of 128 with alpha 128: 128 * 128 / 255 = 64. An image without alpha makes no transparency."""
     straight = node("T", "TexImage", image=image(alpha_mode=AlphaMode.STRAIGHT))
-    alone = compiled(material(straight, node("E", "Emission", Color="T.Color", Strength=1.0), surface="E.Emission"))
-    assert ".w" in alone.families[0].source
+    alone = compiled(material(straight, principled(Base_Color="T.Color"), surface="P.BSDF"))
+    assert tuple(alone.images[0].pixels[0, 0]) == (64, 64, 64, 128)
     both = compiled(material(straight, principled(Base_Color="T.Color", Alpha="T.Alpha"), surface="P.BSDF"))
-    assert both.families[0].has_transparency
+    assert both.families[0].has_transparency and both.images[0] is straight.image.tiles[1001]  # type: ignore[union-attr]
+    multiplied = node("T", "TexImage", image=image(alpha_mode=AlphaMode.PREMULTIPLIED))
+    divided = compiled(material(multiplied, principled(Base_Color="T.Color", Alpha="T.Alpha"), surface="P.BSDF"))
+    assert tuple(divided.images[0].pixels[0, 0]) == (255, 255, 255, 128)
     opaque = node("T", "TexImage", image=image())
     result = compiled(material(opaque, principled(Base_Color="T.Color", Alpha="T.Alpha"), surface="P.BSDF"))
-    assert not result.families[0].has_transparency  # the image has no alpha to speak of
+    assert not result.families[0].has_transparency
 
 
 # --- numbers from paper --------------------
