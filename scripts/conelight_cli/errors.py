@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What ends the command line, and its messages."""
+"""What ends the command line."""
 
 from __future__ import annotations
-
-import sys
 
 USAGE = 2  # exit status: the command line itself is wrong
 FAILED = 1  # exit status: everything else
@@ -17,6 +15,9 @@ class CommandError(Exception):
         self.status = status
 
 
-def say(text: str) -> None:
-    """A message for the user. Messages go to stderr."""
-    print(text, file=sys.stderr, flush=True)
+def reason(error: BaseException) -> str:
+    """What an error of a Blender operator says, on one line, without Blender's decoration."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    if any(line.startswith("Traceback") or "Traceback (most recent call last)" in line for line in lines):
+        lines = lines[-1:]  # an importer written in Python: the last line is the exception itself
+    return "; ".join(line.removeprefix("Error: ").rstrip(".") for line in lines) or type(error).__name__
