@@ -20,7 +20,7 @@ import os
 import shutil
 import subprocess
 import sys
-from typing import Any, Callable, Iterator, NamedTuple, NoReturn, Sequence  # noqa: UP035  # for the oldest Pythons
+from typing import Any, Callable, Iterator, NamedTuple, NoReturn, Sequence
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 
@@ -28,6 +28,7 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 BLENDER_OF_PYTHON = {"3.13": "Blender 5.2 LTS", "3.11": "Blender 4.5 LTS"}
 NEEDED_PYTHON = "Python 3.11 (Blender 4.5 LTS) or Python 3.13 (Blender 5.2 LTS)"
 
+STDERR = 2  # file descriptor
 STAMP_NAME = "conelight-lock.sha256"
 
 
@@ -86,7 +87,8 @@ def egl_driver_files() -> list[str] | None:
     listed = os.environ.get("__EGL_VENDOR_LIBRARY_FILENAMES")
     if listed:
         return [name for name in listed.split(":") if os.path.isfile(name)]
-    folders = os.environ.get("__EGL_VENDOR_LIBRARY_DIRS", "/etc/glvnd/egl_vendor.d:/usr/share/glvnd/egl_vendor.d").split(":")
+    usual = "/etc/glvnd/egl_vendor.d:/usr/share/glvnd/egl_vendor.d"
+    folders = os.environ.get("__EGL_VENDOR_LIBRARY_DIRS", usual).split(":")
     if not any(os.path.isdir(folder) for folder in folders):
         return [] if can_load("libGLdispatch.so.0") else None
     return [name for folder in folders for name in sorted(glob.glob(os.path.join(folder, "*.json")))]
@@ -158,6 +160,10 @@ def interpreters(version: str) -> Iterator[str]:
         yield from sorted(glob.glob(pattern), reverse=True)
 
 
+def running_version() -> str:
+    return f"{sys.version_info[0]}.{sys.version_info[1]}"
+
+
 def running_python() -> str:
     """The interpreter that runs this, or the one that its virtual environment was made from."""
     return getattr(sys, "_base_executable", None) or sys.executable
@@ -165,7 +171,7 @@ def running_python() -> str:
 
 def find_python(version: str) -> str | None:
     """A Python of a version that runs, or None."""
-    if "%d.%d" % sys.version_info[:2] == version:
+    if running_version() == version:
         return running_python()
     return next((python for python in interpreters(version) if version_of(python) == version), None)
 
@@ -178,9 +184,9 @@ def choose_python() -> tuple[str, str]:
         if version is None:
             fail(f"CONELIGHT_PYTHON is '{forced}', which does not run as a Python; set it to {NEEDED_PYTHON}.")
         if version not in BLENDER_OF_PYTHON:
-            fail(f"CONELIGHT_PYTHON is Python {version}, for which no Blender module exists; set it to {NEEDED_PYTHON}.")
+            fail(f"CONELIGHT_PYTHON is Python {version}, which no Blender module is built for; set it to {NEEDED_PYTHON}.")
         return shutil.which(forced) or forced, version
-    running = "%d.%d" % sys.version_info[:2]
+    running = running_version()
     if running in BLENDER_OF_PYTHON:
         return running_python(), running
     for version in BLENDER_OF_PYTHON:
@@ -236,7 +242,7 @@ def only_one(version: str) -> Iterator[None]:
 
 def run(command: Sequence[str], **options: Any) -> int:
     """Exit status of a command whose messages go to stderr, so that a script's own stdout stays clean."""
-    return subprocess.run(list(command), stdout=sys.stderr.fileno(), check=False, **options).returncode
+    return subprocess.run(list(command), stdout=STDERR, check=False, **options).returncode
 
 
 def install_with_uv(uv: str, python: str, version: str) -> bool:
@@ -254,7 +260,7 @@ def install_with_pip(python: str, version: str) -> None:
     """Makes and fills the environment with venv and pip. Ends the script when that fails."""
     if run([python, "-c", "import venv, ensurepip"], stderr=subprocess.DEVNULL) != 0:
         fail(
-            f"Python {version} at {python} cannot make virtual environments: its modules venv and ensurepip are missing. "
+            f"Python {version} at {python} cannot make virtual environments: modules venv and ensurepip are missing. "
             f"On Debian or Ubuntu: apt-get install python{version}-venv"
         )
     if run([python, "-m", "venv", environment_folder(version)]) != 0:
@@ -298,7 +304,7 @@ def clean_environ() -> dict[str, str]:
 
 def enter(script: str, arguments: Sequence[str]) -> None:
     """Returns at once inside a complete environment; otherwise sets one up and starts ``script`` again in it."""
-    version = "%d.%d" % sys.version_info[:2]
+    version = running_version()
     inside = os.path.realpath(sys.prefix) == os.path.realpath(environment_folder(version))
     if inside and version in BLENDER_OF_PYTHON and is_complete(version) and not os.environ.get("CONELIGHT_PYTHON"):
         return

@@ -1,12 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The options of ``scripts/render``. Standard library only and written for old Pythons, as it runs before the set-up."""
+"""The options of ``scripts/render``.
+
+Standard library only, and written for old Pythons, because it runs before the set-up.
+"""
 
 from __future__ import annotations
 
 import argparse
 import os
 import re
-from typing import NamedTuple, Optional, Sequence, Tuple  # noqa: UP035  # for the oldest Pythons
+from typing import NamedTuple, Optional, Sequence, Tuple
 
 #: Extension -> what Blender calls the format of a picture.
 PICTURE_FORMATS = {
@@ -99,8 +102,10 @@ def parser() -> argparse.ArgumentParser:
     add("-o", "--output", metavar="OUT", help="picture to write: " + " ".join(PICTURE_FORMATS) +
         " (default: SCENE's name .png in the current folder). EXR holds linear values; "
         "the others go through the scene's view transform. With --frames: name_####.ext")
-    add("--engine", choices=ENGINES, default="conelight", help="cycles and eevee are for comparison (default: %(default)s)")
-    add("--preset", choices=PRESET_NAMES, help="starting point of all settings (default: balanced, with what a .blend stores)")
+    add("--engine", choices=ENGINES, default="conelight",
+        help="cycles and eevee are for comparison (default: %(default)s)")
+    add("--preset", choices=PRESET_NAMES,
+        help="starting point of all settings (default: balanced, with what a .blend stores)")
     add("--resolution", metavar="WxH", type=_resolution, help="size in pixels (default: the scene's)")
     add("--samples", metavar="N", type=_count, help="passes averaged into the picture")
     add("--voxels", metavar="N", type=_count, help="voxels along the longest side (default: automatic)")

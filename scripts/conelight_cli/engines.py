@@ -14,6 +14,7 @@ import bpy
 
 from addon.settings import PRESETS, Settings
 
+from .console import VERBOSE_VARIABLE
 from .errors import CommandError
 
 Listener = Callable[[float, str], None]
@@ -71,7 +72,7 @@ class Conelight:
         self._choices = choices
         try:
             importlib.import_module("addon").register()
-            self._session = importlib.import_module("addon.host.session")
+            self._session: Any = importlib.import_module("addon.host.session")
         except ImportError as error:
             raise CommandError(f"the engine could not be loaded: {error}") from error
 
@@ -99,7 +100,9 @@ class Conelight:
     def frame_statistics(self, cpu_ms: float) -> dict[str, Any]:
         if self._session.last_error:
             raise CommandError(self._session.last_error)
-        return dict(self._session.last_statistics or {})
+        if self._session.last_statistics is None:
+            raise CommandError(f"the engine ended without a picture; {VERBOSE_VARIABLE}=1 shows what it printed")
+        return dict(self._session.last_statistics)
 
 
 class BlenderEngine:

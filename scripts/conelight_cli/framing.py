@@ -39,7 +39,7 @@ class View:
 
 
 def add_camera(scene: Any) -> View | None:
-    """Gives the scene a camera that shows everything. None: there is nothing to show, the camera stands at the origin."""
+    """Gives the scene a camera that shows everything. None: nothing is there to show, the camera is at the origin."""
     graph = bpy.context.evaluated_depsgraph_get()
     corners = surface_corners(graph)
     view = None
@@ -54,7 +54,7 @@ def add_camera(scene: Any) -> View | None:
         depths = np.linalg.norm(corners - chosen.position, axis=1)
         size = float(np.linalg.norm(corners.max(0) - corners.min(0))) or 1.0
         data.clip_start = max(size / 1e4, 1e-6)
-        data.clip_end = float(depths.max()) * 2.0 + size
+        data.clip_end = float(np.max(depths)) * 2.0 + size
     axes = np.stack(camera_axes(chosen.forward), axis=1)
     matrix = np.eye(4)
     matrix[:3, :3] = axes
@@ -103,7 +103,7 @@ def outside_view(corners: Array, tangents: tuple[float, float]) -> View:
     forward = -THREE_QUARTER / np.linalg.norm(THREE_QUARTER)
     right, up, _ = camera_axes(forward)
     middle = 0.5 * (corners.min(0) + corners.max(0))
-    if np.ptp(corners, axis=0).max() <= 0.0:  # one point: as if it had a radius of a metre
+    if np.max(np.ptp(corners, axis=0)) <= 0.0:  # one point: as if it had a radius of a metre
         corners = middle + np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     offsets = corners - middle
     depth = offsets @ forward
@@ -113,8 +113,8 @@ def outside_view(corners: Array, tangents: tuple[float, float]) -> View:
     for axis, tangent in ((right, tangents[0]), (up, tangents[1])):
         across = offsets @ axis
         # Both borders of the picture touch a corner when the camera moves sideways by ``shift``.
-        plus = (across * MARGIN / tangent - depth).max()
-        minus = (-across * MARGIN / tangent - depth).max()
+        plus = float(np.max(across * MARGIN / tangent - depth))
+        minus = float(np.max(-across * MARGIN / tangent - depth))
         shift = 0.5 * (plus - minus) * tangent / MARGIN
         position = position + shift * axis
         distance = max(distance, 0.5 * (plus + minus))

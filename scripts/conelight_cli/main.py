@@ -124,7 +124,8 @@ def choose_view_layer(scene: Any, arguments: Arguments) -> None:
         return
     names = [layer.name for layer in scene.view_layers]
     if arguments.view_layer not in names:
-        raise CommandError(f"'{arguments.scene}' has no view layer '{arguments.view_layer}'; it has: {', '.join(names)}")
+        known = ", ".join(names)
+        raise CommandError(f"'{arguments.scene}' has no view layer '{arguments.view_layer}'; it has: {known}")
     for layer in scene.view_layers:
         layer.use = layer.name == arguments.view_layer
 
@@ -159,18 +160,22 @@ def render_frame(scene: Any, engine: Engine, path: str, progress: Progress) -> d
     from .engines import cpu_milliseconds
     from .output import replacing
 
+    before = cpu_milliseconds()
+    try:
+        with engine.progress_to(progress.update):
+            bpy.ops.render.render(scene=scene.name)
+    except RuntimeError as error:
+        engine.frame_statistics(0.0)  # raises what the engine itself says about it
+        raise CommandError(f"frame {scene.frame_current} could not be rendered: {reason(error)}") from error
+    # Blender may only be asked to write what is there: it crashes when an engine failed before it began a result.
+    statistics = engine.frame_statistics(cpu_milliseconds() - before)
     with replacing(path, "output") as temporary:
-        scene.render.filepath = temporary
-        before = cpu_milliseconds()
         try:
-            with engine.progress_to(progress.update):
-                bpy.ops.render.render(write_still=True, scene=scene.name)
-        except RuntimeError as error:
-            engine.frame_statistics(0.0)  # raises what the engine itself says about it
-            raise CommandError(f"frame {scene.frame_current} could not be rendered: {reason(error)}") from error
-        statistics = engine.frame_statistics(cpu_milliseconds() - before)
+            bpy.data.images["Render Result"].save_render(temporary, scene=scene)
+        except (KeyError, RuntimeError) as error:
+            raise CommandError(f"output '{path}' could not be written: {reason(error)}") from error
         if not os.path.exists(temporary):
-            raise CommandError(f"Blender wrote no picture for '{path}'; {VERBOSE_VARIABLE}=1 shows what it printed")
+            raise CommandError(f"output '{path}' was not written; {VERBOSE_VARIABLE}=1 shows what Blender printed")
     progress.end_frame()
     say(f"wrote {path}")
     return statistics
