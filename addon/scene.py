@@ -101,7 +101,7 @@ class LightData:
     angle: float = 0.0  # SUN: full angle of the disk
     shape: AreaShape = AreaShape.RECTANGLE  # AREA
     size: tuple[float, float] = (1.0, 1.0)  # AREA: metres along x and y, world scale included
-    spread: float = np.pi  # AREA: full angle
+    spread: float = np.pi  # AREA: full angle; off the normal by x: max(0, 1 - tan x / tan(spread / 2)) of the intensity
     casts_shadow: bool = True
     visibility: RayVisibility = RayVisibility.ALL  # which rays see the light itself or are lit by it
 

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays through pixels, for the shaders: affine in the pixel's place (lib/camera.glsl)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .grid import VoxelGrid
+from .scene import CameraData, CameraKind, DoubleArray
+
+
+@dataclass(frozen=True)
+class CameraRays:
+    """Uniforms of lib/camera.glsl for one picture, and the matrix that rasterizes it."""
+
+    size: tuple[int, int]  # pixels
+    origin: tuple[DoubleArray, DoubleArray, DoubleArray]  # at pixel (0,0), per pixel in x, in y; grid space
+    direction: tuple[DoubleArray, DoubleArray, DoubleArray]
+    clip_from_grid: DoubleArray  # (4, 4), of the picture (border applied)
+    position: DoubleArray  # (3,) grid space
+    forward: DoubleArray  # (3,) unit
+
+    @classmethod
+    def of(cls, camera: CameraData, grid: VoxelGrid, size: tuple[int, int]) -> CameraRays:
+        """The rays of a picture of ``size`` pixels that shows the camera's border."""
+        x0, y0, x1, y1 = camera.border
+        # Normalized device coordinates of the border become -1..1.
+        crop = np.eye(4)
+        crop[0, 0], crop[1, 1] = 1.0 / max(x1 - x0, 1e-9), 1.0 / max(y1 - y0, 1e-9)
+        crop[0, 3] = -(x0 + x1 - 1.0) * crop[0, 0]
+        crop[1, 3] = -(y0 + y1 - 1.0) * crop[1, 1]
+        clip_from_camera = crop @ camera.clip_from_camera
+        grid_from_camera = grid.grid_from_world @ camera.world_from_camera
+        rotation = camera.world_from_camera[:3, :3]
+        eye = grid_from_camera[:3, 3]
+
+        # A pixel's ndc is affine in its place; in camera space x_clip = P00 x + P02 z + P03 and so on.
+        p = clip_from_camera
+        step = np.array([2.0 / size[0], 2.0 / size[1]])
+        zero = np.zeros(3)
+        if camera.kind is CameraKind.PERSPECTIVE:
+            # At z = -1: w = 1, so x = (ndc_x + P02) / P00.
+            corner = rotation @ np.array([(-1.0 + p[0, 2]) / p[0, 0], (-1.0 + p[1, 2]) / p[1, 1], -1.0])
+            dx = rotation @ np.array([step[0] / p[0, 0], 0.0, 0.0])
+            dy = rotation @ np.array([0.0, step[1] / p[1, 1], 0.0])
+            origin, direction = (eye, zero, zero), (corner, dx, dy)
+        else:
+            scale = 1.0 / grid.cell_size
+            corner = rotation @ np.array([(-1.0 - p[0, 3]) / p[0, 0], (-1.0 - p[1, 3]) / p[1, 1], 0.0])
+            dx = rotation @ np.array([step[0] / p[0, 0], 0.0, 0.0])
+            dy = rotation @ np.array([0.0, step[1] / p[1, 1], 0.0])
+            origin = (eye + corner * scale, dx * scale, dy * scale)
+            direction = (rotation @ np.array([0.0, 0.0, -1.0]), zero, zero)
+        clip_from_grid = clip_from_camera @ np.linalg.inv(grid_from_camera)
+        return cls(size, origin, direction, clip_from_grid, eye, rotation @ np.array([0.0, 0.0, -1.0]))
+
+    def uniforms(self, offset: tuple[float, float]) -> dict[str, Any]:
+        """Values for lib/camera.glsl; ``offset``: place in the pixel, (0.5, 0.5) is its centre."""
+        names = ("ray_origin", "ray_origin_x", "ray_origin_y", "ray_direction", "ray_direction_x", "ray_direction_y")
+        values = (*self.origin, *self.direction)
+        result: dict[str, Any] = {
+            name: tuple(float(c) for c in value) for name, value in zip(names, values, strict=True)
+        }
+        return result | {"picture_size": self.size, "pixel_offset": offset}
+
+    def raster_matrix(self, offset: tuple[float, float]) -> DoubleArray:
+        """Clip from grid space so that pixel centres lie at ``offset``."""
+        shift = np.eye(4)
+        shift[0, 3] = (1.0 - 2.0 * offset[0]) / self.size[0]
+        shift[1, 3] = (1.0 - 2.0 * offset[1]) / self.size[1]
+        return shift @ self.clip_from_grid
+
+
+def pixel_offset(index: int, filter_width: float) -> tuple[float, float]:
+    """Where in the pixel pass ``index`` samples: the R2 sequence through the inverse of the filter's distribution.
+
+    Importance sampling of the Blackman-Harris window (Harris 1978) of ``filter_width`` pixels, as Cycles does.
+    """
+    if filter_width <= 0.0:
+        return 0.5, 0.5
+    x = np.linspace(-0.5, 0.5, 1025)
+    window = (
+        0.35875
+        + 0.48829 * np.cos(2 * np.pi * x)
+        + 0.14128 * np.cos(4 * np.pi * x)
+        + 0.01168 * np.cos(6 * np.pi * x)
+    )
+    cumulative = np.concatenate([[0.0], np.cumsum(0.5 * (window[1:] + window[:-1]))])
+    cumulative /= cumulative[-1]
+    u = (0.5 + (index + 1) * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
+    at = np.interp(u, cumulative, x)
+    return 0.5 + float(at[0]) * filter_width, 0.5 + float(at[1]) * filter_width

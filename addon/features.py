@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a scene needs. Passes, textures, buffers and defines follow from this, never the reverse."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+from .scene import LightKind, RayVisibility, SceneData
+from .settings import Settings
+
+
+@dataclass(frozen=True)
+class Features:
+    """Each is something the scene has and the settings want."""
+
+    has_geometry: bool
+    has_lights: bool
+    has_world: bool
+    has_emission: bool
+    has_transparency: bool
+    has_glossy: bool
+    has_diffuse_gather: bool
+    has_direct: bool
+    has_visible_lights: bool
+    needs_radiance: bool  # voxel faces carry light
+    bounces: bool
+    shadow_cones: bool
+    gather_cones: bool
+    needs_cones: bool
+    gather_occlusion: bool
+
+    @classmethod
+    def from_scene(
+        cls, scene: SceneData, settings: Settings, *, emission: bool, transparency: bool, specular: bool, world: bool
+    ) -> Features:
+        """``emission`` ... ``world``: what the compiled materials and the world have."""
+        has_geometry = any(len(scene.meshes[i.mesh].triangle_vertices) for i in scene.instances)
+        lit = bool(scene.lights) or emission or world
+        occlusion = settings.gather_mode == "OCCLUSION"
+        gather = has_geometry and lit and settings.use_indirect and settings.indirect_amount > 0.0
+        glossy = has_geometry and lit and specular and settings.use_specular and settings.specular_amount > 0.0
+        direct = has_geometry and bool(scene.lights) and settings.use_direct and settings.direct_amount > 0.0
+        shadow_cones = direct and settings.use_shadows and settings.shadow_mode == "CONE"
+        needs_radiance = ((gather or glossy) and not occlusion) or shadow_cones
+        gather_cones = gather and settings.gather_mode == "CONES"
+        visible = any(
+            light.visibility & RayVisibility.CAMERA
+            and (light.radius > 0.0 or light.kind == LightKind.AREA or (light.kind == LightKind.SUN and light.angle > 0.0))
+            for light in scene.lights
+        )
+        return cls(
+            has_geometry=has_geometry,
+            has_lights=bool(scene.lights),
+            has_world=world,
+            has_emission=emission,
+            has_transparency=transparency,
+            has_glossy=glossy,
+            has_diffuse_gather=gather,
+            has_direct=direct,
+            has_visible_lights=visible,
+            needs_radiance=needs_radiance,
+            bounces=needs_radiance and settings.bounces > 0,
+            shadow_cones=shadow_cones,
+            gather_cones=gather_cones,
+            needs_cones=shadow_cones or gather_cones,
+            gather_occlusion=occlusion,
+        )
+
+    @property
+    def names(self) -> list[str]:
+        """Names of what is there, without the prefix."""
+        return [
+            field.name.removeprefix("has_").removeprefix("needs_")
+            for field in dataclasses.fields(self)
+            if getattr(self, field.name)
+        ]

@@ -1,0 +1,286 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The GL context: Blender's or our own, what it can do, its state guard, and the objects that live in it."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from . import interface, loader
+from .program import ShaderError, Source, resolve
+
+
+class GpuUnavailable(RuntimeError):
+    """There is no usable GL. The text is a sentence for the user."""
+
+
+@dataclass
+class PassTime:
+    """What one pass has cost since the last reset."""
+
+    calls: int = 0
+    cpu_ms: float = 0.0
+    gpu_ms: float = 0.0
+
+
+@dataclass
+class Kernel:
+    """A compiled compute shader: bound and run by name."""
+
+    shader: moderngl.ComputeShader
+    source: Source
+    uniforms: frozenset[str] = field(default_factory=frozenset)
+
+    def set(self, **values: Any) -> Kernel:
+        """Set uniforms. One that the compiler dropped is ignored; one that the source never had raises KeyError."""
+        for name, value in values.items():
+            member = self.shader.get(name, None)
+            if member is not None:
+                member.value = value
+            elif name not in self.source.text:
+                raise KeyError(f"shader '{self.source.files[1]}' has no uniform '{name}'")
+        return self
+
+    def run_list(self, count: int) -> None:
+        """Run one thread for each of ``count`` items (``invocation_index()`` in the shader)."""
+        groups = -(-count // interface.GROUP_SIZE)
+        if groups:
+            columns = min(groups, 32768)
+            self.shader.run(columns, -(-groups // columns), 1)
+
+    def run_tiles(self, width: int, height: int) -> None:
+        """Run one thread for each pixel of a picture or of a part of it."""
+        tile = interface.TILE_SIZE
+        self.shader.run(-(-width // tile), -(-height // tile), 1)
+
+
+class GpuContext:
+    """One GL context with the programs, textures and buffers that we made in it.
+
+    Everything is made through this class, so that sizes are known (``memory``) and all of it can be released.
+    """
+
+    def __init__(self, mgl: moderngl.Context, *, owned: bool) -> None:
+        self.mgl = mgl
+        self.owned = owned
+        self.memory: dict[str, int] = {}
+        self.times: dict[str, PassTime] = {}
+        self._kernels: dict[tuple, Kernel] = {}
+        self._programs: dict[tuple, moderngl.Program] = {}
+        self._objects: dict[int, tuple[str, Any, int]] = {}
+        self.renderer = str(mgl.info.get("GL_RENDERER", "unknown"))
+        if mgl.version_code < 430:
+            raise GpuUnavailable(
+                f"Conelight needs OpenGL 4.3, but this graphics driver ({self.renderer}) offers "
+                f"{mgl.version_code // 100}.{mgl.version_code // 10 % 10}: update the driver or use another device"
+            )
+        mgl.error  # noqa: B018 - reading clears an error that was there before us
+
+    # Contexts ---------------------------------------------------------------------------------------------------
+
+    @classmethod
+    def attach(cls) -> GpuContext:
+        """Wrap the GL context that is current on this thread. Raises GpuUnavailable."""
+        try:
+            moderngl.init_context(loader.current_context_loader())
+            return cls(moderngl.get_context(), owned=False)
+        except GpuUnavailable:
+            raise
+        except Exception as error:
+            raise GpuUnavailable(
+                "Conelight found no OpenGL context to draw with: in Preferences > System set the backend to OpenGL "
+                f"and start Blender again ({error})"
+            ) from error
+
+    @classmethod
+    def standalone(cls) -> GpuContext:
+        """Make a context of our own without a window. Use it on the thread that made it. Raises GpuUnavailable."""
+        settings: dict[str, Any] = {}
+        if sys.platform.startswith("linux"):
+            settings = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+        try:
+            return cls(moderngl.create_context(require=430, standalone=True, **settings), owned=True)
+        except GpuUnavailable:
+            raise
+        except Exception as error:
+            raise GpuUnavailable(
+                f"Conelight could not make an OpenGL 4.3 context: install or update the graphics driver ({error})"
+            ) from error
+
+    @contextlib.contextmanager
+    def guard(self) -> Iterator[None]:
+        """Save the GL state that Blender relies on and put it back afterwards."""
+        if self.owned:
+            yield
+            return
+        with loader.saved_state(loader.current_context_loader()):
+            yield
+
+    # Programs ---------------------------------------------------------------------------------------------------
+
+    def kernel(
+        self, name: str, defines: Mapping[str, object] | None = None, texts: Mapping[str, str] | None = None
+    ) -> Kernel:
+        """The compute shader ``passes/<name>.comp.glsl``, compiled once for each set of defines. Raises ShaderError."""
+        defines, texts = defines or {}, texts or {}
+        key = (name, tuple(sorted(defines.items())), tuple(sorted(texts.items())))
+        if key not in self._kernels:
+            source = resolve(f"passes/{name}.comp.glsl", defines, texts)
+            try:
+                shader = self.mgl.compute_shader(source.text)
+            except Exception as error:
+                raise ShaderError(_shader_message(source, defines, error)) from error
+            self._kernels[key] = Kernel(shader, source)
+        return self._kernels[key]
+
+    def program(
+        self, name: str, defines: Mapping[str, object] | None = None, texts: Mapping[str, str] | None = None
+    ) -> moderngl.Program:
+        """The program of ``passes/<name>.vert.glsl`` and ``.frag.glsl``. Raises ShaderError."""
+        defines, texts = defines or {}, texts or {}
+        key = (name, tuple(sorted(defines.items())), tuple(sorted(texts.items())))
+        if key not in self._programs:
+            vertex = resolve(f"passes/{name}.vert.glsl", defines, texts)
+            fragment = resolve(f"passes/{name}.frag.glsl", defines, texts)
+            try:
+                self._programs[key] = self.mgl.program(vertex_shader=vertex.text, fragment_shader=fragment.text)
+            except Exception as error:
+                raise ShaderError(_shader_message(fragment, defines, error)) from error
+        return self._programs[key]
+
+    @property
+    def program_names(self) -> list[str]:
+        """Names of the programs that were compiled, sorted."""
+        return sorted([key[0] for key in self._kernels] + [key[0] for key in self._programs])
+
+    # Storage ----------------------------------------------------------------------------------------------------
+
+    def buffer(self, name: str, data: np.ndarray | bytes | None = None, *, size: int = 0) -> moderngl.Buffer:
+        """A buffer with ``data`` in it, or of ``size`` bytes of zero."""
+        if data is None:
+            data = bytes(max(size, 16))
+        else:
+            data = data if isinstance(data, bytes) else np.ascontiguousarray(data).tobytes()
+            data = data or bytes(16)
+        limit = int(self.mgl.info.get("GL_MAX_SHADER_STORAGE_BLOCK_SIZE", 1 << 27))
+        if len(data) > limit:
+            raise MemoryError(
+                f"{name} needs {len(data) / 2**20:.0f} MiB in one buffer and this driver allows {limit / 2**20:.0f}: "
+                "lower the voxel resolution or simplify the scene"
+            )
+        return self._track(name, self.mgl.buffer(data), len(data))
+
+    def texture(
+        self, name: str, size: tuple[int, int], components: int, dtype: str, data: np.ndarray | None = None,
+        *, linear: bool = False,
+    ) -> moderngl.Texture:
+        """A 2D texture; ``data`` (rows, columns, components) or undefined content."""
+        raw = None if data is None else np.ascontiguousarray(data).tobytes()
+        texture = self.mgl.texture(size, components, raw, dtype=dtype, alignment=1)
+        texture.filter = (moderngl.LINEAR, moderngl.LINEAR) if linear else (moderngl.NEAREST, moderngl.NEAREST)
+        texture.repeat_x = texture.repeat_y = False
+        return self._track(name, texture, size[0] * size[1] * components * _BYTES[dtype])
+
+    def texture_3d(
+        self, name: str, size: tuple[int, int, int], components: int, dtype: str, data: np.ndarray | None = None
+    ) -> moderngl.Texture3D:
+        """A 3D texture; ``data`` (z, y, x, components) or zeros."""
+        count = size[0] * size[1] * size[2] * components
+        raw = bytes(count * _BYTES[dtype]) if data is None else np.ascontiguousarray(data).tobytes()
+        texture = self.mgl.texture3d(size, components, raw, dtype=dtype, alignment=1)
+        texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        texture.repeat_x = texture.repeat_y = texture.repeat_z = False
+        return self._track(name, texture, count * _BYTES[dtype])
+
+    def list_texture(self, name: str, count: int, components: int, dtype: str, data: np.ndarray | None = None) -> moderngl.Texture:
+        """A 2D texture that holds a list of ``count`` texels (``list_texel()`` in the shaders)."""
+        width = interface.LIST_WIDTH
+        rows = max(1, -(-count // width))
+        if rows > 16384:
+            raise MemoryError(f"{name} has {count} entries, more than a texture can hold: lower the voxel resolution")
+        if data is not None:
+            padded = np.zeros((rows * width, components), data.dtype)
+            padded[: len(data)] = data.reshape(len(data), components)
+            data = padded
+        return self.texture(name, (width, rows), components, dtype, data)
+
+    def adopt(self, name: str, thing: Any, size: int) -> Any:
+        """Count an object that was made otherwise."""
+        return self._track(name, thing, size)
+
+    def _track(self, name: str, thing: Any, size: int) -> Any:
+        self._objects[id(thing)] = (name, thing, size)
+        self.memory[name] = self.memory.get(name, 0) + size
+        return thing
+
+    def free(self, *things: Any) -> None:
+        """Release objects made here; None and objects already freed are ignored."""
+        for thing in things:
+            entry = self._objects.pop(id(thing), None) if thing is not None else None
+            if entry is None:
+                continue
+            name, _, size = entry
+            self.memory[name] -= size
+            if self.memory[name] <= 0:
+                del self.memory[name]
+            thing.release()
+
+    @property
+    def object_count(self) -> int:
+        """Textures, buffers and other objects alive (programs apart)."""
+        return len(self._objects)
+
+    def release(self) -> None:
+        """Release everything that was made here, and the context when it is ours."""
+        for _, thing, _ in list(self._objects.values()):
+            thing.release()
+        self._objects.clear()
+        self.memory.clear()
+        for kernel in self._kernels.values():
+            kernel.shader.release()
+        for program in self._programs.values():
+            program.release()
+        self._kernels.clear()
+        self._programs.clear()
+        if self.owned:
+            self.mgl.release()
+
+    # Running ----------------------------------------------------------------------------------------------------
+
+    def barrier(self) -> None:
+        """What was written by shaders so far is visible to every later read, of any kind.
+
+        One kind of barrier for all: drivers make no cheaper one in practice, and a bit forgotten is a race.
+        """
+        self.mgl.memory_barrier()
+
+    def submit(self) -> None:
+        """Hand everything to the driver and wait: keeps a step's cost inside that step."""
+        self.mgl.finish()
+
+    @contextlib.contextmanager
+    def timed(self, name: str) -> Iterator[None]:
+        """Count time under ``name``. Process CPU time, as software GL works on other threads; waits for the GPU."""
+        self.mgl.finish()
+        cpu, wall = time.process_time(), time.perf_counter()
+        yield
+        self.mgl.finish()
+        entry = self.times.setdefault(name, PassTime())
+        entry.calls += 1
+        entry.cpu_ms += (time.process_time() - cpu) * 1e3
+        entry.gpu_ms += (time.perf_counter() - wall) * 1e3
+
+
+_BYTES = {"f1": 1, "f2": 2, "f4": 4, "u1": 1, "u2": 2, "u4": 4, "i4": 4, "ni2": 2}
+
+
+def _shader_message(source: Source, defines: Mapping[str, object], error: Exception) -> str:
+    given = ", ".join(f"{key}={value}" for key, value in sorted(defines.items())) or "none"
+    return f"shader {source.files[1]} did not compile (defines: {given})\n{source.explain(str(error))}"

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which graphics Blender has, and why it will not do: asked without drawing anything."""
+
+from __future__ import annotations
+
+import ctypes
+import re
+import sys
+from typing import Any
+
+import bpy
+import gpu
+
+#: From the EGL 1.5 specification and EGL_MESA_platform_surfaceless.
+_EGL_OPENGL_API = 0x30A2
+_EGL_RENDERABLE_TYPE, _EGL_OPENGL_BIT, _EGL_SURFACE_TYPE, _EGL_NONE = 0x3040, 0x0008, 0x3033, 0x3038
+_EGL_MAJOR_VERSION, _EGL_MINOR_VERSION = 0x3098, 0x30FB
+_EGL_PROFILE_MASK, _EGL_CORE_PROFILE_BIT = 0x30FD, 0x0001
+_EGL_PLATFORM_SURFACELESS_MESA = 0x31DD
+
+
+def backend_problem(backend: str, version: str) -> str | None:
+    """Why Conelight cannot render on Blender's graphics ``backend`` (OPENGL, VULKAN, METAL, ...); None: it can.
+
+    ``version``: as OpenGL states it, such as "4.5 (Core Profile) Mesa 22.3".
+    """
+    if backend == "METAL":
+        return "Conelight needs OpenGL 4.3, and Blender has only Metal on this system: macOS is not supported."
+    if backend == "VULKAN":
+        return (
+            "Conelight needs OpenGL, and Blender uses Vulkan: choose OpenGL in Preferences > System > Display Graphics "
+            "and restart Blender."
+        )
+    if backend not in ("OPENGL", "UNKNOWN"):
+        return f"Conelight needs OpenGL 4.3, and Blender runs without it (graphics backend: {backend})."
+    number = re.match(r"\s*(\d+)\.(\d+)", version)
+    if number and (int(number[1]), int(number[2])) < (4, 3):
+        return (
+            f"Conelight needs OpenGL 4.3, and this graphics driver has {number[0].strip()}: "
+            "update the driver or use another graphics device."
+        )
+    return None
+
+
+def backend_in_use() -> tuple[str, str | None]:
+    """Blender's graphics backend, and why it cannot be used (None: it can, or there is no telling yet)."""
+    if bpy.app.background and not background_has_gl():
+        return "NONE", (
+            "Conelight needs OpenGL 4.3, and this system cannot draw without a window: install or update the graphics "
+            "driver (for software rendering on Debian: libegl1 and libgl1-mesa-dri; on Fedora: mesa-libEGL and "
+            "mesa-dri-drivers)."
+        )
+    try:
+        backend = gpu.platform.backend_type_get()
+        version = gpu.platform.version_get()
+    except SystemError:  # in background Blender has no graphics until something renders
+        return "UNKNOWN", None
+    return backend, backend_problem(backend, version)
+
+
+_background_has_gl: bool | None = None
+
+
+def background_has_gl() -> bool:
+    """Whether Blender in background can make the GL context that an engine may ask for.
+
+    Where it cannot and an engine asks, Blender 4.5 and 5.2 crash. That is known of Linux, where Blender uses EGL; the
+    answer elsewhere is yes.
+    """
+    global _background_has_gl
+    if _background_has_gl is None:
+        _background_has_gl = not sys.platform.startswith("linux") or _egl_makes_contexts()
+    return _background_has_gl
+
+
+def _egl_makes_contexts() -> bool:
+    """Makes an OpenGL 4.3 core context and throws it away, without making it current.
+
+    Tries the displays that Blender tries: the default one, then Mesa's without a surface. They stay initialized, as
+    others may use them.
+    """
+    try:
+        egl = ctypes.CDLL("libEGL.so.1")
+        egl.eglGetDisplay.restype = egl.eglGetPlatformDisplay.restype = egl.eglCreateContext.restype = ctypes.c_void_p
+        egl.eglBindAPI(_EGL_OPENGL_API)
+        displays = egl.eglGetDisplay(None), egl.eglGetPlatformDisplay(_EGL_PLATFORM_SURFACELESS_MESA, None, None)
+    except (OSError, AttributeError):  # no EGL, or one before 1.5
+        return False
+    return any(display and _makes_context(egl, ctypes.c_void_p(display)) for display in displays)
+
+
+def _makes_context(egl: ctypes.CDLL, display: ctypes.c_void_p) -> bool:
+    if not egl.eglInitialize(display, None, None):
+        return False
+    wanted = _attributes(_EGL_RENDERABLE_TYPE, _EGL_OPENGL_BIT, _EGL_SURFACE_TYPE, 0)
+    config, count = ctypes.c_void_p(), ctypes.c_int()
+    if not egl.eglChooseConfig(display, wanted, ctypes.byref(config), 1, ctypes.byref(count)) or count.value < 1:
+        return False
+    version = _attributes(_EGL_MAJOR_VERSION, 4, _EGL_MINOR_VERSION, 3, _EGL_PROFILE_MASK, _EGL_CORE_PROFILE_BIT)
+    context = egl.eglCreateContext(display, config, None, version)
+    if not context:
+        return False
+    egl.eglDestroyContext(display, ctypes.c_void_p(context))
+    return True
+
+
+def _attributes(*values: int) -> Any:
+    return (ctypes.c_int * (len(values) + 1))(*values, _EGL_NONE)

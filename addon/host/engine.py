@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The render engine as Blender sees it: callbacks that hand over to a session and bring its film back."""
+
+from __future__ import annotations
+
+import logging
+import time
+from typing import Any
+
+import bpy
+
+from . import session
+from .backend import background_has_gl
+from .film import wanted_passes, write_passes
+from .session import Session
+
+ENGINE_ID = "CONELIGHT"
+
+#: Least seconds between two updates of the picture while it is rendered. Reading it back costs time.
+_UPDATE_INTERVAL = 1.0
+
+_log = logging.getLogger(__name__)
+
+
+class ConelightEngine(bpy.types.RenderEngine):
+    """Global illumination by voxel cone tracing"""
+
+    bl_idname = ENGINE_ID
+    bl_label = "Conelight"
+    bl_use_preview = True
+    bl_use_gpu_context = True  # see register()
+    bl_use_eevee_viewport = True  # EEVEE serves Material Preview, as it does for Cycles
+    bl_use_postprocess = True
+    bl_use_shading_nodes_custom = False  # Blender's own shader nodes
+    bl_use_stereo_viewport = False
+    bl_use_spherical_stereo = False
+
+    # Blender runs __init__ twice on each engine, so there is none: these become the object's own when first set.
+    _session: Session | None = None
+    _failed: bool = False
+
+    def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
+        """Tells the compositor and the render result which passes there are."""
+        for film_pass in wanted_passes(renderlayer):
+            name = film_pass.blender_name(bpy.app.version)
+            self.register_pass(
+                scene, renderlayer, name, len(film_pass.channels), film_pass.channels, film_pass.kind
+            )
+
+    def update(self, data: Any = None, depsgraph: Any = None) -> None:
+        """Reads the scene, at the one time when that is safe beside the user interface."""
+        if self._session is None:
+            self._session = Session(is_preview=self.is_preview)
+        self._failed = session.last_error is not None and not self._session.is_preview
+        if self._failed:
+            return  # an earlier layer or frame of this render failed, and Blender goes on all the same
+        try:
+            self._session.synchronize(depsgraph, (self.resolution_x, self.resolution_y))
+        except (Exception, KeyboardInterrupt) as error:
+            self._fail(error)
+
+    def render(self, depsgraph: Any) -> None:
+        """Renders one view layer."""
+        if self._failed or self._session is None:
+            return
+        view_layer = depsgraph.view_layer
+        result = self.begin_result(0, 0, self.resolution_x, self.resolution_y, layer=view_layer.name)
+        finished = False
+        try:
+            finished = self._render(depsgraph.scene, view_layer, result)
+        except (Exception, KeyboardInterrupt) as error:
+            self._fail(error)
+        finally:
+            self.end_result(result, cancel=not finished)
+            self._release(keep=depsgraph.scene.render.use_persistent_data and bpy.app.background)
+
+    def _render(self, scene: Any, view_layer: Any, result: Any) -> bool:
+        """Fills ``result``. Returns False when the user cancelled."""
+        current = self._session
+        assert current is not None
+        film_passes = wanted_passes(view_layer)
+        names = {film_pass.name for film_pass in film_passes}
+        size = (result.resolution_x, result.resolution_y)
+        frame = (self.resolution_x, self.resolution_y)
+        last_update = time.perf_counter()
+
+        def write() -> None:
+            film = current.film
+            missing = write_passes(result.layers[0].passes, film.names, film.read, bpy.app.version)
+            if missing and not current.is_preview:
+                session.add_warning(f"passes without content in this version: {', '.join(missing)}")
+
+        def show(samples: int) -> None:
+            nonlocal last_update
+            if bpy.app.background or time.perf_counter() - last_update < _UPDATE_INTERVAL:
+                return
+            write()
+            self.update_result(result)
+            last_update = time.perf_counter()
+
+        border = session.pixel_border(scene.render, frame, size)
+        if not current.render(size, names, self._step, show, border):
+            return False
+        if scene.render.use_multiview and not current.is_preview:
+            session.add_warning("stereoscopy is not supported: every view shows the centre camera's picture")
+        write()
+        return True
+
+    def _step(self, fraction: float, text: str) -> bool:
+        """Progress of a render. Returns False when the user pressed Esc."""
+        self.update_progress(fraction)
+        self.update_stats("", text)
+        is_preview = self._session is not None and self._session.is_preview
+        if session.progress_listener is not None and not is_preview:
+            session.progress_listener(fraction, text)
+        return not self.test_break()
+
+    def _fail(self, error: BaseException) -> None:
+        """Tells the user why there is no picture. Previews say nothing: they come unasked."""
+        self._failed = True
+        if not session.is_expected(error) and not isinstance(error, KeyboardInterrupt):
+            _log.error("Conelight: unexpected error", exc_info=error)
+        if self._session is not None and self._session.is_preview:
+            return
+        session.last_error = session.sentence(error)
+        self.report({"ERROR"}, session.last_error)
+        self.error_set(session.last_error)
+
+    def _release(self, keep: bool) -> None:
+        """Frees GPU memory, unless it is to be kept for the next frame.
+
+        Only in background do all renders have the same GL context; in a window the next one may have another.
+        """
+        if self._session is None or keep:
+            return
+        try:
+            self._session.release()
+        except Exception:
+            _log.exception("Conelight: GPU memory was not freed")
+
+    def view_update(self, context: Any, depsgraph: Any) -> None:
+        """The scene changed under a rendered viewport."""
+
+    def view_draw(self, context: Any, depsgraph: Any) -> None:
+        """Draws a rendered viewport: nothing yet but a line that says so, over the cleared region."""
+        self.update_stats("Conelight", "There is no rendered viewport yet: press F12, or use Material Preview")
+
+
+@bpy.app.handlers.persistent
+def _on_render_init(*_: Any) -> None:
+    """A render starts, of one or more frames and layers. Previews do not come here."""
+    session.begin_render()
+
+
+def register() -> None:
+    # Blender crashes where an engine asks for a context and there is none; without one, rendering says so.
+    ConelightEngine.bl_use_gpu_context = not bpy.app.background or background_has_gl()
+    bpy.utils.register_class(ConelightEngine)
+    bpy.app.handlers.render_init.append(_on_render_init)
+
+
+def unregister() -> None:
+    if _on_render_init in bpy.app.handlers.render_init:
+        bpy.app.handlers.render_init.remove(_on_render_init)
+    if ConelightEngine.is_registered:
+        bpy.utils.unregister_class(ConelightEngine)

@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Blender's images -> :class:`ImageSet`."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ...materials.graph import AlphaMode, ImageData, ImageEncoding, ImageSet
+
+#: Colour spaces of byte images by Blender's names.
+_ENCODINGS = {
+    "sRGB": ImageEncoding.SRGB,
+    "Filmic sRGB": ImageEncoding.SRGB,
+    "AgX Base sRGB": ImageEncoding.SRGB,
+    "Khronos PBR Neutral sRGB": ImageEncoding.SRGB,
+    "Gamma 2.2 Encoded Rec.709": ImageEncoding.SRGB,
+    "Non-Color": ImageEncoding.DATA,
+    "Raw": ImageEncoding.DATA,
+    "Linear Rec.709": ImageEncoding.LINEAR,
+    "Linear": ImageEncoding.LINEAR,
+    "scene_linear": ImageEncoding.LINEAR,
+}
+
+_ALPHA_MODES = {
+    "STRAIGHT": AlphaMode.STRAIGHT,
+    "PREMUL": AlphaMode.PREMULTIPLIED,
+    "CHANNEL_PACKED": AlphaMode.CHANNEL_PACKED,
+    "NONE": AlphaMode.NONE,
+}
+
+
+class ImageReader:
+    """Reads images once each. Lives for one extraction."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+        self._sets: dict[int, ImageSet] = {}
+
+    def read(self, image: bpy.types.Image) -> ImageSet:
+        """All tiles of an image. Never raises: what cannot be read has no tiles and says why in ``problem``."""
+        key = image.session_uid
+        if key not in self._sets:
+            try:
+                self._sets[key] = self._read(image)
+            except Exception as error:  # noqa: BLE001  whatever is wrong with one image, the others are rendered
+                problem = f"could not read image '{image.name}' ({type(error).__name__}: {error}); it is magenta"
+                self._sets[key] = ImageSet(image.name, {}, problem=problem)
+        return self._sets[key]
+
+    def _read(self, image: bpy.types.Image) -> ImageSet:
+        if image.source in ("SEQUENCE", "MOVIE"):
+            self.warnings.append(f"image '{image.name}' is a {image.source.lower()}; the frame that is loaded is shown")
+        encoding = self._encoding(image)
+        if image.source == "TILED":
+            return self._read_tiles(image, encoding)
+        data = _image_data(image, encoding)
+        if data is None:
+            return ImageSet(image.name, {}, problem=_missing(image))
+        return ImageSet(image.name, {1001: data})
+
+    def _encoding(self, image: bpy.types.Image) -> ImageEncoding:
+        name = image.colorspace_settings.name
+        if image.is_float:  # Blender has converted to scene linear when it loaded the file
+            return ImageEncoding.DATA if _ENCODINGS.get(name) is ImageEncoding.DATA else ImageEncoding.LINEAR
+        if name not in _ENCODINGS:
+            self.warnings.append(f"image '{image.name}': colour space '{name}' is not supported; it is read as sRGB")
+        return _ENCODINGS.get(name, ImageEncoding.SRGB)
+
+    def _read_tiles(self, image: bpy.types.Image, encoding: ImageEncoding) -> ImageSet:
+        """Blender gives Python the pixels of the first tile only: the others are read as images of their own."""
+        tiles: dict[int, ImageData] = {}
+        first = image.tiles[0].number if len(image.tiles) else 1001
+        lost = []
+        for number in [tile.number for tile in image.tiles]:
+            data = _image_data(image, encoding) if number == first else _tile_data(image, number, encoding)
+            if data is None:
+                lost.append(str(number))
+            else:
+                tiles[number] = data
+        if lost and tiles:
+            self.warnings.append(
+                f"image '{image.name}': tiles {', '.join(lost)} could not be read from '{_path(image)}'; they are magenta"
+            )
+        return ImageSet(image.name, tiles, True, None if tiles else _missing(image))
+
+
+def _path(image: bpy.types.Image) -> str:
+    return bpy.path.abspath(image.filepath, library=image.library)
+
+
+def _missing(image: bpy.types.Image) -> str:
+    path = _path(image)
+    if not path:
+        return f"uses image '{image.name}', which has no pixels; it is magenta"
+    what = "cannot be read" if os.path.exists(path) else "is missing"
+    return f"uses image '{image.name}', but its file '{path}' {what}; it is magenta. Find it by File > External Data"
+
+
+def _image_data(image: bpy.types.Image, encoding: ImageEncoding) -> ImageData | None:
+    """The pixels of an image (of a tiled one: of its first tile). None: there are none."""
+    width, height = image.size
+    channels = image.channels
+    if width <= 0 or height <= 0 or channels <= 0:
+        return None
+    values = np.empty(width * height * channels, dtype=np.float32)
+    if len(image.pixels) != values.size:
+        return None
+    image.pixels.foreach_get(values)
+    pixels = _rgba(values.reshape(height, width, channels))
+    alpha_mode = _ALPHA_MODES.get(image.alpha_mode, AlphaMode.STRAIGHT)
+    stored: np.ndarray[Any, Any] = np.nan_to_num(pixels, nan=0.0, posinf=65504.0, neginf=-65504.0)
+    if not image.is_float:
+        stored = (np.clip(pixels, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    opaque = 255 if stored.dtype == np.uint8 else 1.0
+    if alpha_mode is AlphaMode.NONE:
+        stored[..., 3] = opaque
+    elif bool((stored[..., 3] >= opaque).all()):
+        alpha_mode = AlphaMode.NONE  # full everywhere: nothing needs to ask for it
+    return ImageData(image.name, stored, encoding, alpha_mode)
+
+
+def _rgba(pixels: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """(H, W, 4) of (H, W, 1..4): grey, grey and alpha, RGB, RGBA."""
+    height, width, channels = pixels.shape
+    if channels == 4:
+        return pixels
+    full = np.ones((height, width, 4), dtype=np.float32)
+    full[..., :3] = pixels[..., :3] if channels == 3 else pixels[..., :1]
+    if channels == 2:
+        full[..., 3] = pixels[..., 1]
+    return full
+
+
+def _tile_data(image: bpy.types.Image, number: int, encoding: ImageEncoding) -> ImageData | None:
+    """One tile of a UDIM set, through a copy of the image that points at the tile's own file."""
+    column, row = (number - 1001) % 10, (number - 1001) // 10
+    path = _path(image).replace("<UDIM>", str(number)).replace("<UVTILE>", f"u{column + 1}_v{row + 1}")
+    packed = [file for file in image.packed_files if str(number) in os.path.basename(file.filepath)]
+    copy = None
+    try:
+        if packed:
+            data = packed[0].packed_file.data
+            copy = bpy.data.images.new(image.name, 1, 1)
+            copy.pack(data=data, data_len=len(data))
+            copy.source = "FILE"
+        elif os.path.exists(path):
+            copy = bpy.data.images.load(path, check_existing=False)
+        else:
+            return None
+        copy.colorspace_settings.name = image.colorspace_settings.name
+        copy.alpha_mode = image.alpha_mode
+        return _image_data(copy, encoding)
+    finally:
+        if copy is not None:
+            bpy.data.images.remove(copy)

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From a depsgraph to a film: one session for each viewport, F12 render or preview.
+
+A session first reads the scene (:meth:`Session.synchronize`, no graphics context needed) and then renders it
+(:meth:`Session.render`, in the context that is current). It holds copies of data, never anything of Blender's.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import bpy
+import numpy as np
+
+from ..scene import SceneData
+from ..settings import Settings
+from .backend import backend_in_use
+from .changes import Change, changes_in
+from .properties import settings_from_scene
+
+#: What the last render (not a preview) was and took; empty before the first. Keys: see docs of ``--stats``.
+last_statistics: dict[str, Any] = {}
+
+#: Why the last render (not a preview) failed, in one sentence; None: it did not. A render of several layers or frames
+#: ends with the first that fails.
+last_error: str | None = None
+
+#: Hears of every step of a render (not of previews): fraction 0..1 done, and what is being done.
+progress_listener: Callable[[float, str], None] | None = None
+
+#: Called after every step: fraction 0..1 done, and what is being done. False cancels.
+Step = Callable[[float, str], bool]
+
+#: Share of the progress bar that goes to what happens before the first sample.
+_PREPARATION_SHARE = 0.25
+
+#: Pipelines whose session is gone. Their GL objects can only be freed where a context is current.
+_abandoned: list[tuple[Any, Any]] = []
+
+
+class RenderFailed(Exception):
+    """A render cannot go on; the message is a sentence for the user."""
+
+
+def begin_render() -> None:
+    """Forgets what the last render left behind."""
+    global last_error, last_statistics
+    last_error = None
+    last_statistics = {}
+
+
+def add_warning(text: str) -> None:
+    """Adds to the warnings of the last render something that only the host knows."""
+    warnings = last_statistics.setdefault("warnings", [])
+    if text not in warnings:
+        warnings.append(text)
+
+
+def sentence(error: BaseException) -> str:
+    """What to tell the user about ``error``."""
+    if is_expected(error):
+        return str(error)
+    if isinstance(error, ImportError):
+        return f"Conelight is not installed completely ({error}): install the extension again."
+    if isinstance(error, MemoryError):
+        return str(error) or "There is not enough memory for this render: lower the resolution or the voxel resolution."
+    if isinstance(error, KeyboardInterrupt):
+        return "The render was interrupted."
+    return f"Conelight failed where it should not: {type(error).__name__}: {error}"
+
+
+def is_expected(error: BaseException) -> bool:
+    """Whether the message of ``error`` was written for the user."""
+    kinds: list[type[BaseException]] = [RenderFailed]
+    try:
+        from ..gpu.context import GpuUnavailable
+        from ..pipeline import PipelineError
+        from .extract.scene import ExtractionError
+
+        kinds += [GpuUnavailable, PipelineError, ExtractionError]
+    except ImportError:
+        pass  # then the error is this one, or came before it mattered
+    return isinstance(error, tuple(kinds))
+
+
+class Session:
+    """What is kept between the frames of one picture: the scene that was read, and the pipeline that renders it."""
+
+    def __init__(self, *, is_preview: bool = False) -> None:
+        self.is_preview = is_preview
+        self.settings = Settings()
+        self.scene: SceneData | None = None
+        self._scene_key: tuple[Any, ...] = ()
+        self._extraction_ms = 0.0
+        self._context: Any = None
+        self._pipeline: Any = None
+
+    def synchronize(self, depsgraph: Any, resolution: tuple[int, int]) -> Change:
+        """Reads settings and, where something changed, the scene. ``resolution``: of the whole frame, in pixels.
+
+        Returns what changed. Raises ExtractionError, and then holds no scene.
+        """
+        from .extract.scene import extract_scene
+
+        self.settings = settings_from_scene(
+            depsgraph.scene, samples=depsgraph.view_layer.samples, is_preview=self.is_preview
+        )
+        key = _scene_key(depsgraph, resolution)
+        change = changes_in(depsgraph) if self.scene is not None and key == self._scene_key else Change.ALL
+        if change & ~Change.SETTINGS or self.scene is None:
+            start = time.perf_counter()
+            self.scene = None
+            self.scene = extract_scene(depsgraph, resolution=resolution, is_preview=self.is_preview)
+            self._scene_key = key
+            self._extraction_ms = 1e3 * (time.perf_counter() - start)
+        return change
+
+    def render(
+        self,
+        size: tuple[int, int],
+        wanted: Iterable[str],
+        step: Step,
+        after_sample: Callable[[int], None] | None = None,
+        border: tuple[float, float, float, float] | None = None,
+    ) -> bool:
+        """Renders all samples of a picture of ``size`` pixels into :attr:`film`.
+
+        ``wanted``: names of passes. ``border``: part of the frame that the picture shows (x0, y0, x1, y1 in 0..1,
+        origin bottom left), where it is not what the scene says. ``after_sample(samples)`` may read the film. Returns
+        False when ``step`` cancelled. Needs a current GL context, and leaves its state as it was.
+        Raises GpuUnavailable, PipelineError, and RenderFailed when there is no scene.
+        """
+        if self.scene is None:
+            raise RenderFailed("There is no scene to render.")
+        self._ensure_pipeline()
+        with self._context.guard():
+            return self._render(self.scene, size, set(wanted), step, after_sample, border)
+
+    def _render(
+        self,
+        scene: SceneData,
+        size: tuple[int, int],
+        wanted: set[str],
+        step: Step,
+        after_sample: Callable[[int], None] | None,
+        border: tuple[float, float, float, float] | None,
+    ) -> bool:
+        start = time.perf_counter()
+        if border is not None and border != scene.camera.border:
+            scene = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, border=border))
+        self._pipeline.want(wanted)
+        for progress in self._pipeline.prepare(scene, self.settings, size):
+            if not step(_PREPARATION_SHARE * progress.fraction, progress.text):
+                return False
+
+        samples = self.settings.samples
+        first_frame_ms = 0.0
+        for sample in range(samples):
+            for progress in self._pipeline.sample():
+                fraction = (sample + progress.fraction) / samples
+                done = _PREPARATION_SHARE + (1.0 - _PREPARATION_SHARE) * fraction
+                if not step(done, f"Sample {sample + 1}/{samples}"):
+                    return False
+            elapsed = time.perf_counter() - start
+            first_frame_ms = first_frame_ms or 1e3 * elapsed
+            if after_sample is not None:
+                after_sample(sample + 1)
+            if 0.0 < self.settings.time_limit <= elapsed:
+                break
+        self._publish_statistics(size, 1e3 * (time.perf_counter() - start), first_frame_ms)
+        return True
+
+    @property
+    def film(self) -> Any:
+        """Where the pictures are, once :meth:`render` has begun: ``read(name)``, ``names``, ``samples``."""
+        return self._pipeline.film
+
+    @property
+    def warnings(self) -> list[str]:
+        """What could not be rendered as asked, by name, each once."""
+        found = list(self.scene.warnings) if self.scene is not None else []
+        if self._pipeline is not None:
+            found += self._pipeline.statistics().get("warnings", [])
+        return list(dict.fromkeys(found))
+
+    def release(self) -> None:
+        """Frees everything on the GPU. The context that :meth:`render` had must be current."""
+        pipeline, context = self._pipeline, self._context
+        self._pipeline = self._context = None
+        _release(pipeline, context)
+
+    def __del__(self) -> None:
+        # No context may be current here, and this may be any thread: freeing has to wait for the next render.
+        if self._pipeline is not None:
+            _abandoned.append((self._pipeline, self._context))
+
+    def _ensure_pipeline(self) -> None:
+        from ..gpu.context import GpuContext
+        from ..pipeline import Pipeline
+
+        while _abandoned:
+            _release(*_abandoned.pop())
+        if self._pipeline is None:
+            _, problem = backend_in_use()
+            if problem is not None:
+                raise RenderFailed(problem)
+            self._context = GpuContext.attach()
+            with self._context.guard():
+                self._pipeline = Pipeline(self._context)
+
+    def _publish_statistics(self, size: tuple[int, int], render_ms: float, first_frame_ms: float) -> None:
+        global last_statistics
+        if self.is_preview:
+            return
+        last_statistics = self._pipeline.statistics() | {
+            "blender": bpy.app.version_string,
+            "resolution": list(size),
+            "samples": self.film.samples,
+            "warnings": self.warnings,
+            "wall_ms": {
+                "total": self._extraction_ms + render_ms,
+                "extract_ms": self._extraction_ms,
+                "first_frame_ms": self._extraction_ms + first_frame_ms,
+            },
+        }
+
+
+def _release(pipeline: Any, context: Any) -> None:
+    if context is None:
+        return
+    with context.guard():
+        if pipeline is not None:
+            pipeline.release()
+        context.release()
+
+
+def _scene_key(depsgraph: Any, resolution: tuple[int, int]) -> tuple[Any, ...]:
+    """What a scene depends on and a depsgraph does not report as an update."""
+    scene, view_layer, render = depsgraph.scene, depsgraph.view_layer, depsgraph.scene.render
+    border = (render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y)
+    return (
+        scene.session_uid, view_layer.name, depsgraph.mode, resolution, scene.frame_current, scene.frame_subframe,
+        *(data and data.session_uid for data in (scene.camera, scene.world, view_layer.material_override)),
+        render.use_border, border, render.pixel_aspect_x, render.pixel_aspect_y,
+        render.film_transparent, render.filter_size,
+    )  # fmt: skip
+
+
+def pixel_border(
+    render: Any, frame: tuple[int, int], size: tuple[int, int]
+) -> tuple[float, float, float, float] | None:
+    """The part of the frame that a render result shows, on whole pixels as Blender cuts it; None: the whole frame.
+
+    ``render``: ``bpy.types.RenderSettings``. ``frame``: pixels of the whole frame. ``size``: pixels of the result.
+    """
+    if size == frame or not render.use_border:
+        return None
+    left = int(np.float32(render.border_min_x) * np.float32(frame[0]))
+    bottom = int(np.float32(render.border_min_y) * np.float32(frame[1]))
+    return left / frame[0], bottom / frame[1], (left + size[0]) / frame[0], (bottom + size[1]) / frame[1]

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an expression can do: for each operation its GLSL and the same in numpy, which folds constants.
+
+Operations that do not say otherwise work on each component and follow Blender's safe versions: no division by zero,
+no root of a negative number. A test runs every operation on the GPU against its numpy twin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+#: What a float32 shader can hold without becoming infinite in the next multiplication.
+LARGEST = 1e30
+
+
+@dataclass(frozen=True)
+class Operation:
+    """``glsl`` has one {} for each argument. ``result``: 'float', 'vec3', 'vec4' or 'same' (the widest argument)."""
+
+    glsl: str
+    evaluate: Callable[..., Any]
+    result: str = "same"
+    is_scalar: bool = False  # GLSL has it for float only: written once for each component
+
+
+def _divide(a: Array, b: Array) -> Array:
+    return np.where(b != 0.0, a / np.where(b != 0.0, b, 1.0), 0.0)
+
+
+def _power(a: Array, b: Array) -> Array:
+    whole = b == np.trunc(b)
+    magnitude = np.abs(np.where(a == 0.0, 1.0, a)) ** b
+    sign = np.where((a < 0.0) & (np.mod(b, 2.0) != 0.0), -1.0, 1.0)
+    answer = np.where((a < 0.0) & ~whole, 0.0, sign * magnitude)
+    return np.where(b == 0.0, 1.0, np.where(a == 0.0, 0.0, answer))
+
+
+def _log(a: Array) -> Array:
+    return np.where(a > 0.0, np.log(np.where(a > 0.0, a, 1.0)), 0.0)
+
+
+def _fmod(a: Array, b: Array) -> Array:
+    return np.where(b != 0.0, np.fmod(a, np.where(b != 0.0, b, 1.0)), 0.0)
+
+
+def _normalize(a: Array) -> Array:
+    length = np.sqrt(np.sum(a * a))
+    return a / length if length > 0.0 else np.zeros(3)
+
+
+def ramp_value(table: Array, is_constant: bool, f: Array) -> Array:
+    """Colour at ``f`` of a (N, 5) table of position, RGBA."""
+    positions = table[:, 0]
+    if is_constant:
+        return table[max(int(np.searchsorted(positions, f, side="right")) - 1, 0), 1:]
+    return np.array([np.interp(f, positions, table[:, channel]) for channel in range(1, 5)])
+
+
+def specular_scale_bias(cosine: Any, roughness: Any) -> tuple[Array, Array]:
+    """Twin of ``specular_scale_bias`` in shaders/lib/closure.glsl, where its origin is told."""
+    x = np.clip(np.asarray(cosine, dtype=np.float64), 0.05, 1.0)
+    y = np.clip(np.asarray(roughness, dtype=np.float64), 0.0, 1.0)
+    whole = sum(
+        c * x**i * y**j
+        for i, row in enumerate(
+            [
+                (1.024, -1.0842, 2.7368, -1.788),
+                (0.036, 4.5882, -18.031, 12.1167),
+                (-0.214, -4.8245, 24.8692, -18.8802),
+                (0.1308, 1.8608, -11.1702, 8.9142),
+            ]
+        )
+        for j, c in enumerate(row)
+    )
+    above = 1.02276 - 2.48686 * x - 0.88254 * y + 1.84063 * x * y + 1.56836 * x**2 + 0.47871 * y**2
+    above = above - 0.98276 * x**2 * y - 1.61105 * x * y**2 + 1.20929 * x**2 * y**2
+    below = 1.0 + 2.66107 * x - 0.48812 * y - 20.44128 * x * y + 7.78812 * x**2 + 13.28358 * y**2
+    below = below + 18.0169 * x**2 * y + 5.32168 * x * y**2 - 10.09386 * x**2 * y**2
+    bias = np.clip(above / below, 0.0, 1.0)
+    return np.maximum(np.clip(whole, 0.0, 1.0) - bias, 0.0), bias
+
+
+def _specular_split(cosine: Array, roughness: Array) -> Array:
+    return np.array([*specular_scale_bias(cosine, roughness), 0.0])
+
+
+OPERATIONS: dict[str, Operation] = {
+    "neg": Operation("-{}", np.negative),
+    "add": Operation("{} + {}", np.add),
+    "sub": Operation("{} - {}", np.subtract),
+    "mul": Operation("{} * {}", np.multiply),
+    "div": Operation("safe_divide({}, {})", _divide, is_scalar=True),
+    "pow": Operation("safe_pow({}, {})", _power, is_scalar=True),
+    "log": Operation("safe_log({})", _log, is_scalar=True),
+    "exp": Operation("exp(min({}, 69.0))", lambda a: np.exp(np.minimum(a, 69.0)), is_scalar=True),
+    "sqrt": Operation("sqrt(max({}, 0.0))", lambda a: np.sqrt(np.maximum(a, 0.0))),
+    "abs": Operation("abs({})", np.abs),
+    "sign": Operation("sign({})", np.sign),
+    "min": Operation("min({}, {})", np.minimum),
+    "max": Operation("max({}, {})", np.maximum),
+    "floor": Operation("floor({})", np.floor),
+    "ceil": Operation("ceil({})", np.ceil),
+    "trunc": Operation("trunc({})", np.trunc),
+    "fract": Operation("fract({})", lambda a: a - np.floor(a)),
+    "fmod": Operation("safe_fmod({}, {})", _fmod, is_scalar=True),
+    "sin": Operation("sin({})", np.sin),
+    "cos": Operation("cos({})", np.cos),
+    "tan": Operation("tan({})", np.tan),
+    "asin": Operation("asin(clamp({}, -1.0, 1.0))", lambda a: np.arcsin(np.clip(a, -1.0, 1.0))),
+    "acos": Operation("acos(clamp({}, -1.0, 1.0))", lambda a: np.arccos(np.clip(a, -1.0, 1.0))),
+    "atan": Operation("atan({})", np.arctan),
+    "atan2": Operation("safe_atan2({}, {})", np.arctan2, is_scalar=True),
+    "sinh": Operation("sinh(clamp({}, -69.0, 69.0))", lambda a: np.sinh(np.clip(a, -69.0, 69.0))),
+    "cosh": Operation("cosh(clamp({}, -69.0, 69.0))", lambda a: np.cosh(np.clip(a, -69.0, 69.0))),
+    "tanh": Operation("tanh(clamp({}, -15.0, 15.0))", lambda a: np.tanh(np.clip(a, -15.0, 15.0))),
+    "less": Operation("float({} < {})", lambda a, b: np.where(a < b, 1.0, 0.0), is_scalar=True),
+    "equal": Operation("float({} == {})", lambda a, b: np.where(a == b, 1.0, 0.0), is_scalar=True),
+    "select": Operation("({} != 0.0 ? {} : {})", lambda c, a, b: np.where(c != 0.0, a, b), is_scalar=True),
+    "vec3": Operation("vec3({}, {}, {})", lambda x, y, z: np.array([x, y, z], dtype=np.float64), "vec3"),
+    "splat": Operation("vec3({})", lambda a: np.full(3, a), "vec3"),
+    "rgb": Operation("{}.xyz", lambda a: a[:3], "vec3"),
+    "x": Operation("{}.x", lambda a: a[0], "float"),
+    "y": Operation("{}.y", lambda a: a[1], "float"),
+    "z": Operation("{}.z", lambda a: a[2], "float"),
+    "w": Operation("{}.w", lambda a: a[3], "float"),
+    "dot": Operation("dot({}, {})", lambda a, b: np.sum(a * b), "float"),
+    "cross": Operation("cross({}, {})", np.cross, "vec3"),
+    "length": Operation("length({})", lambda a: np.sqrt(np.sum(a * a)), "float"),
+    "normalize": Operation("safe_normalize({})", _normalize, "vec3"),
+    "specular_split": Operation("vec3(specular_scale_bias({}, {}), 0.0)", _specular_split, "vec3"),
+    # The rest depends on the surface or on textures and is never folded.
+    "tangent_normal": Operation("normal_from_tangent_space({}, {}, {}, {}, {})", lambda *_: np.zeros(3), "vec3"),
+}

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Meshes, instances and materials on the GPU, and all triangles in grid space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from ..gpu import interface
+from ..gpu.context import GpuContext
+from ..grid import VoxelGrid
+from ..scene import InstanceData, MeshData, RayVisibility, SceneData
+from .materials import MaterialSet
+
+
+@dataclass
+class Geometry:
+    """What later passes read. ``draws``: vertex array, triangle count and instance count of each mesh, for pictures."""
+
+    grid: VoxelGrid
+    triangle_count: int
+    triangles: moderngl.Texture
+    instances: moderngl.Buffer
+    corners: moderngl.Buffer
+    attributes: moderngl.Buffer
+    meshes: list[MeshDraw] = field(default_factory=list)
+
+
+@dataclass
+class MeshDraw:
+    """One mesh with its instances that the camera sees."""
+
+    positions: moderngl.Buffer
+    indices: moderngl.Buffer
+    instances: moderngl.Buffer
+    instance_count: int
+    vertex_array: Any = None
+
+
+def octahedral_snorm(normals: np.ndarray) -> np.ndarray:
+    """(N, 3) unit normals as (N,) uint32: octahedral, two signed 16-bit numbers. See lib/common.glsl."""
+    length = np.abs(normals).sum(axis=1, keepdims=True)
+    n = normals / np.where(length > 0, length, 1)
+    sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
+    folded = (1.0 - np.abs(n[:, 1::-1])) * sign
+    xy = np.where(n[:, 2:] >= 0, n[:, :2], folded)
+    packed = np.round(np.clip(np.nan_to_num(xy), -1, 1) * 32767).astype(np.int16)
+    return np.ascontiguousarray(packed).view(np.uint32).ravel()
+
+
+class _Attributes:
+    """One array of 32-bit words with everything that corners carry, and where each part starts."""
+
+    def __init__(self) -> None:
+        self.parts: list[np.ndarray] = []
+        self.size = 0
+
+    def add(self, words: np.ndarray) -> int:
+        first = self.size
+        self.parts.append(words)
+        self.size += len(words)
+        return first
+
+    def array(self) -> np.ndarray:
+        return np.concatenate(self.parts) if self.parts else np.zeros(1, np.uint32)
+
+
+def _mesh_layers(mesh: MeshData, layers: list[tuple[str, str | None]], attributes: _Attributes) -> np.ndarray:
+    """Upload the layers that materials read; the table of where each starts (NONE_INDEX: this mesh lacks it)."""
+    table = np.full(len(layers), interface.NONE_INDEX, np.uint32)
+    for index, (kind, name) in enumerate(layers):
+        if kind == "uv":
+            values = mesh.uv_layers.get(name or mesh.active_uv or "")
+            if values is not None:
+                table[index] = attributes.add(np.ascontiguousarray(values, np.float32).view(np.uint32).ravel())
+        else:
+            values = mesh.color_layers.get(name or mesh.active_color or "")
+            if values is not None:
+                half = np.ascontiguousarray(np.clip(values, -65504, 65504), np.float16)
+                table[index] = attributes.add(half.view(np.uint32).ravel())
+    return table
+
+
+class GeometryPass:
+    """Uploads meshes once each, and transforms the triangles of all instances to grid space."""
+
+    def __init__(self, gpu: GpuContext) -> None:
+        self.gpu = gpu
+        self.geometry: Geometry | None = None
+        self._owned: list[Any] = []
+
+    def run(self, scene: SceneData, grid: VoxelGrid, materials: MaterialSet) -> Geometry:
+        """Upload and transform. Raises MemoryError when a buffer exceeds what the driver allows."""
+        self.release()
+        gpu = self.gpu
+        used = sorted({instance.mesh for instance in scene.instances})
+        attributes = _Attributes()
+        attributes.add(np.zeros(1, np.uint32))
+        vertices, corners, positions = [], [], []
+        first_vertex, first_triangle = 0, 0
+        mesh_triangle: dict[int, int] = {}
+        mesh_normals: dict[int, int] = {}
+        mesh_layers: dict[int, int] = {}
+        for index in used:
+            mesh = scene.meshes[index]
+            count = len(mesh.triangle_vertices)
+            mesh_triangle[index] = first_triangle
+            mesh_normals[index] = attributes.add(octahedral_snorm(mesh.corner_normals))
+            table = _mesh_layers(mesh, materials.layers, attributes)
+            mesh_layers[index] = attributes.add(table if len(table) else np.zeros(1, np.uint32))
+            vertices.append(mesh.triangle_vertices.astype(np.uint32) + np.uint32(first_vertex))
+            corners.append(
+                np.concatenate([mesh.triangle_corners, mesh.triangle_slots.reshape(-1, 1)], axis=1).astype(np.uint32)
+            )
+            positions.append(mesh.positions.astype(np.float32))
+            first_vertex += len(mesh.positions)
+            first_triangle += count
+
+        records = np.zeros(max(len(scene.instances), 1), interface.INSTANCE.dtype)
+        slots: list[int] = []
+        total = 0
+        grid_from_world = grid.grid_from_world
+        for index, instance in enumerate(scene.instances):
+            mesh = scene.meshes[instance.mesh]
+            record = records[index]
+            _fill_matrices(record, grid_from_world @ instance.world_from_object)
+            _fill_generated(record, mesh)
+            record["first_triangle"] = total
+            record["triangle_count"] = len(mesh.triangle_vertices)
+            record["first_mesh_triangle"] = mesh_triangle[instance.mesh]
+            record["first_slot"] = len(slots)
+            record["first_normal"] = mesh_normals[instance.mesh]
+            record["first_layer"] = mesh_layers[instance.mesh]
+            record["random"] = instance.random
+            record["object_index"] = instance.object_index
+            record["mirrored"] = np.linalg.det(instance.world_from_object[:3, :3]) < 0
+            flags = int(instance.visibility) | (interface.TRIANGLE_HOLDOUT if instance.is_holdout else 0)
+            slots += [material | flags << 24 for material in instance.materials]
+            total += len(mesh.triangle_vertices)
+
+        self._owned = [
+            gpu.buffer("instances", records),
+            gpu.buffer("corners", np.concatenate(corners) if corners else np.zeros(4, np.uint32)),
+            gpu.buffer("attributes", attributes.array()),
+        ]
+        rows = max(1, -(-total // interface.TRIANGLES_PER_ROW))
+        if rows > 16384:
+            raise MemoryError(f"the scene has {total} triangles; at most {16384 * interface.TRIANGLES_PER_ROW} fit")
+        triangles = gpu.texture("triangles", (3 * interface.TRIANGLES_PER_ROW, rows), 4, "u4")
+        self._owned.append(triangles)
+        geometry = Geometry(grid, total, triangles, *self._owned[:3])
+        if total:
+            self._transform(geometry, vertices, positions, slots, len(scene.instances))
+            geometry.meshes = self._draws(scene, records, used)
+        self.geometry = geometry
+        return geometry
+
+    def _transform(
+        self, geometry: Geometry, vertices: list[np.ndarray], positions: list[np.ndarray], slots: list[int], instances: int
+    ) -> None:
+        gpu = self.gpu
+        temporary = [
+            gpu.buffer("transform input", np.concatenate(vertices)),
+            gpu.buffer("transform input", np.concatenate(positions)),
+            gpu.buffer("transform input", np.array(slots, np.uint32)),
+        ]
+        kernel = gpu.kernel("transform").set(triangle_count=geometry.triangle_count, instance_count=instances)
+        geometry.instances.bind_to_storage_buffer(interface.slot("BUF_INSTANCES"))
+        temporary[0].bind_to_storage_buffer(interface.slot("BUF_VERTICES"))
+        temporary[1].bind_to_storage_buffer(interface.slot("BUF_POSITIONS"))
+        geometry.corners.bind_to_storage_buffer(interface.slot("BUF_ATTRIBUTES"))
+        temporary[2].bind_to_storage_buffer(interface.slot("BUF_MATERIALS"))
+        geometry.triangles.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
+        kernel.run_list(geometry.triangle_count)
+        gpu.barrier()  # every later pass reads the triangles as a texture
+        gpu.free(*temporary)
+
+    def _draws(self, scene: SceneData, records: np.ndarray, used: list[int]) -> list[MeshDraw]:
+        by_mesh: dict[int, list[int]] = {index: [] for index in used}
+        for index, instance in enumerate(scene.instances):
+            if _seen_by_camera(instance):
+                by_mesh[instance.mesh].append(index)
+        draws = []
+        layout = np.dtype([("x", "<f4", 4), ("y", "<f4", 4), ("z", "<f4", 4), ("first", "<u4")])
+        for mesh_index, members in by_mesh.items():
+            mesh = scene.meshes[mesh_index]
+            if not members or not len(mesh.triangle_vertices):
+                continue
+            data = np.zeros(len(members), layout)
+            chosen = records[members]
+            for row in "xyz":
+                data[row] = chosen[f"grid_from_object_{row}"]
+            data["first"] = chosen["first_triangle"]
+            draw = MeshDraw(
+                self.gpu.buffer("vertex positions", mesh.positions.astype(np.float32)),
+                self.gpu.buffer("vertex indices", mesh.triangle_vertices.astype(np.uint32)),
+                self.gpu.buffer("draw instances", data),
+                len(members),
+            )
+            self._owned += [draw.positions, draw.indices, draw.instances]
+            draws.append(draw)
+        return draws
+
+    def release(self) -> None:
+        """Free everything."""
+        if self.geometry:
+            for draw in self.geometry.meshes:
+                if draw.vertex_array is not None:
+                    self.gpu.free(draw.vertex_array)
+        self.gpu.free(*self._owned)
+        self._owned = []
+        self.geometry = None
+
+
+def _seen_by_camera(instance: InstanceData) -> bool:
+    return bool(instance.visibility & RayVisibility.CAMERA)
+
+
+def _fill_matrices(record: np.ndarray, grid_from_object: np.ndarray) -> None:
+    inverse = np.linalg.pinv(grid_from_object) if abs(np.linalg.det(grid_from_object)) < 1e-300 else np.linalg.inv(grid_from_object)
+    for row, name in enumerate("xyz"):
+        record[f"grid_from_object_{name}"] = grid_from_object[row]
+        record[f"object_from_grid_{name}"] = inverse[row]
+
+
+def _fill_generated(record: np.ndarray, mesh: MeshData) -> None:
+    if mesh.generated_bounds is not None:
+        lo, hi = np.asarray(mesh.generated_bounds, np.float64)
+    elif len(mesh.positions):
+        lo, hi = mesh.positions.min(axis=0).astype(np.float64), mesh.positions.max(axis=0).astype(np.float64)
+    else:
+        lo, hi = np.zeros(3), np.ones(3)
+    scale = 1.0 / np.where(hi > lo, hi - lo, 1.0)
+    record["generated_scale"] = scale
+    record["generated_offset"] = -lo * scale

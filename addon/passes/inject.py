@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Direct light and emission that leave each voxel face; the lights' records for all passes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import moderngl
+import numpy as np
+
+from ..gpu import interface
+from ..gpu.context import GpuContext, Kernel
+from ..grid import VoxelGrid
+from ..scene import AreaShape, LightData, LightKind
+from ..settings import Settings
+from .voxelize import Voxels
+
+FACES_PER_STEP = 1 << 16
+
+
+def light_records(lights: Sequence[LightData], grid: VoxelGrid) -> np.ndarray:
+    """Lights as the shaders read them, in grid space."""
+    records = np.zeros(max(len(lights), 1), interface.LIGHT.dtype)
+    for record, light in zip(records, lights, strict=False):
+        _fill(record, light, grid)
+    return records
+
+
+def _fill(record: np.ndarray, light: LightData, grid: VoxelGrid) -> None:
+    position = (np.asarray(light.position, np.float64) - grid.origin) / grid.cell_size
+    record["position_grid"] = position
+    record["kind"] = int(light.kind)
+    record["intensity"] = light.intensity
+    record["axis_x"], record["axis_y"], record["axis_z"] = light.axes
+    flags = int(light.visibility)
+    flags |= interface.LIGHT_CASTS_SHADOW if light.casts_shadow else 0
+    radiance = np.asarray(light.intensity, np.float64)
+    if light.kind in (LightKind.POINT, LightKind.SPOT):
+        record["radius_grid"] = light.radius / grid.cell_size
+        flags |= 0 if light.soft_falloff else interface.LIGHT_IS_SPHERE
+        radiance = radiance / (np.pi * light.radius**2) if light.radius > 0 else radiance * 0.0
+        if light.kind == LightKind.SPOT:
+            cosine = np.cos(0.5 * light.spot_angle)
+            record["cos_cone"] = cosine
+            record["spot_smooth"] = 1.0 / max((1.0 - cosine) * light.spot_blend, 1e-5)
+            record["spot_scale"] = [1.0 / (s if abs(s) > 1e-9 else 1e-9) for s in light.spot_scale]
+    elif light.kind == LightKind.SUN:
+        half = min(0.5 * light.angle, 0.5 * np.pi)
+        record["cos_cone"] = np.cos(half)
+        # L pi sin^2(half) = E; a sun without a disk is not seen.
+        radiance = radiance / (np.pi * np.sin(half) ** 2) if half > 1e-6 else radiance * 0.0
+    else:
+        record["half_width_grid"] = 0.5 * light.size[0] / grid.cell_size
+        record["half_height_grid"] = 0.5 * light.size[1] / grid.cell_size
+        record["radius_grid"] = 0.5 * max(light.size) / grid.cell_size
+        record["spot_smooth"] = 0.5 * light.spread
+        flags |= interface.LIGHT_IS_ELLIPSE if light.shape == AreaShape.ELLIPSE else 0
+    record["radiance"] = radiance
+    record["flags"] = flags
+
+
+class LightTable:
+    """The lights on the GPU."""
+
+    def __init__(self, gpu: GpuContext) -> None:
+        self.gpu = gpu
+        self.buffer: moderngl.Buffer | None = None
+        self.count = 0
+        self.cell_size = 1.0
+
+    def run(self, lights: Sequence[LightData], grid: VoxelGrid) -> None:
+        """Upload."""
+        self.release()
+        self.count = len(lights)
+        self.cell_size = grid.cell_size
+        self.buffer = self.gpu.buffer("lights", light_records(lights, grid))
+
+    def bind(self, kernel: Kernel, settings: Settings) -> None:
+        """Bind what lib/light.glsl reads."""
+        assert self.buffer is not None
+        self.buffer.bind_to_storage_buffer(interface.slot("BUF_LIGHTS"))
+        kernel.set(light_count=self.count, cell_size=self.cell_size, light_falloff=settings.light_falloff)
+
+    def release(self) -> None:
+        """Free the buffer."""
+        self.gpu.free(self.buffer)
+        self.buffer = None
+
+
+class InjectPass:
+    """Writes ``Face.direct`` and the first radiance of all faces."""
+
+    def __init__(self, gpu: GpuContext) -> None:
+        self.gpu = gpu
+
+    def run(self, voxels: Voxels, lights: LightTable, radiance: moderngl.Texture, settings: Settings) -> Iterator[float]:
+        """Yields the share done."""
+        kernel = self.gpu.kernel("inject", voxels.trace_defines)
+        for first in range(0, voxels.face_count, FACES_PER_STEP):
+            with self.gpu.timed("inject"):
+                voxels.bind(kernel)
+                lights.bind(kernel, settings)
+                voxels.faces.bind_to_storage_buffer(interface.slot("BUF_FACES"))
+                radiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
+                kernel.set(
+                    face_first=first, face_count=voxels.face_count, random_seed=settings.seed,
+                    use_shadows=settings.use_shadows,
+                )
+                kernel.run_list(min(FACES_PER_STEP, voxels.face_count - first))
+            yield min(1.0, (first + FACES_PER_STEP) / voxels.face_count)
+        self.gpu.barrier()  # bounces and the gather read the radiance as a texture

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Materials on the GPU: compiled families, parameters, textures, and batches that run together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from ..gpu import interface
+from ..gpu.context import GpuContext, Kernel
+from ..materials.compile import CompiledMaterials, compile_materials
+from ..materials.graph import ImageData, ImageEncoding, MaterialData
+
+_SRGB8_ALPHA8 = 0x8C43
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Materials with one program and the same textures: one dispatch serves them all."""
+
+    family: int
+    texture_key: tuple
+    textures: tuple[tuple[int, str, str], ...]  # image index, extension, interpolation
+    uv_layers: tuple[int, ...]  # slot -> layer in MaterialSet.layers
+    color_layers: tuple[int, ...]
+
+
+@dataclass
+class MaterialSet:
+    """What passes need to evaluate materials."""
+
+    compiled: CompiledMaterials
+    layers: list[tuple[str, str | None]]  # ("uv" or "color", name) read by any material
+    batches: list[Batch]
+    batch_of_material: np.ndarray  # (M,) uint32
+    values: moderngl.Buffer
+    batch_table: moderngl.Buffer
+    textures: list[moderngl.Texture]
+
+    @property
+    def has_emission(self) -> bool:
+        return any(family.has_emission for family in self.compiled.families)
+
+    @property
+    def has_transparency(self) -> bool:
+        return any(family.has_transparency for family in self.compiled.families)
+
+    @property
+    def has_specular(self) -> bool:
+        return any(family.has_specular for family in self.compiled.families)
+
+
+class MaterialPass:
+    """Compiles materials and uploads what they read."""
+
+    def __init__(self, gpu: GpuContext) -> None:
+        self.gpu = gpu
+        self.set: MaterialSet | None = None
+        self._owned: list[Any] = []
+        self._samplers: dict[tuple, moderngl.Sampler] = {}
+
+    def run(self, materials: Sequence[MaterialData]) -> MaterialSet:
+        """Compile and upload."""
+        self.release()
+        compiled = compile_materials(materials)
+        layers: list[tuple[str, str | None]] = []
+
+        def layer(kind: str, name: str | None) -> int:
+            if (kind, name) not in layers:
+                layers.append((kind, name))
+            return layers.index((kind, name))
+
+        batches: list[Batch] = []
+        batch_of_material = np.zeros(max(len(compiled.materials), 1), np.uint32)
+        for index, material in enumerate(compiled.materials):
+            textures = tuple((t.image, t.extension, t.interpolation) for t in material.textures)
+            batch = Batch(
+                material.family,
+                textures,
+                textures,
+                tuple(layer("uv", name) for name in material.uv_layers),
+                tuple(layer("color", name) for name in material.color_layers),
+            )
+            if batch not in batches:
+                batches.append(batch)
+            batch_of_material[index] = batches.index(batch)
+
+        header = np.zeros((max(len(compiled.materials), 1), 4), np.float32)
+        parts, first = [header], len(header)
+        for index, material in enumerate(compiled.materials):
+            header[index, 0] = first
+            parts.append(np.asarray(material.parameters, np.float32).reshape(-1, 4))
+            first += len(parts[-1])
+        values = self.gpu.buffer("material values", np.concatenate(parts))
+        table = self.gpu.buffer("material batches", batch_of_material)
+        textures = [upload_image(self.gpu, image) for image in compiled.images]
+        self._owned = [values, table, *textures]
+        self.set = MaterialSet(compiled, layers, batches, batch_of_material, values, table, textures)
+        return self.set
+
+    def texts(self, batch: Batch) -> dict[str, str]:
+        """The generated include ``material`` of a batch's program."""
+        assert self.set is not None
+        family = self.set.compiled.families[batch.family]
+        declared = "".join(
+            f"layout(binding = TEX_MATERIAL_{k}) uniform sampler2D material_texture_{k};\n" for k in range(family.textures)
+        )
+        return {"material": declared + family.source}
+
+    def defines(self, batch: Batch) -> dict[str, object]:
+        assert self.set is not None
+        family = self.set.compiled.families[batch.family]
+        return {"MATERIAL_UV_LAYERS": family.uv_layers, "MATERIAL_COLOR_LAYERS": family.color_layers}
+
+    def bind(self, batch: Batch, kernel: Kernel) -> None:
+        """Bind a batch's textures, parameters and layers before its program runs."""
+        assert self.set is not None
+        for unit, (image, extension, interpolation) in enumerate(batch.textures):
+            location = interface.FIRST_MATERIAL_TEXTURE + unit
+            self.set.textures[image].use(location)
+            self._sampler(extension, interpolation).use(location)
+        self.set.values.bind_to_storage_buffer(interface.slot("BUF_MATERIALS"))
+        for name, indices in (("material_uv_layers", batch.uv_layers), ("material_color_layers", batch.color_layers)):
+            if indices and kernel.shader.get(name, None) is not None:
+                kernel.shader[name].value = indices if len(indices) > 1 else indices[0]
+
+    def unbind(self, batch: Batch) -> None:
+        """Take the samplers away again: they would override the filters of other textures on these units."""
+        for unit, (_, extension, interpolation) in enumerate(batch.textures):
+            self._sampler(extension, interpolation).clear(interface.FIRST_MATERIAL_TEXTURE + unit)
+
+    def _sampler(self, extension: str, interpolation: str) -> moderngl.Sampler:
+        key = (extension == "REPEAT", interpolation == "CLOSEST")
+        if key not in self._samplers:
+            nearest = (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)
+            linear = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
+            self._samplers[key] = self.gpu.mgl.sampler(
+                repeat_x=key[0], repeat_y=key[0], filter=nearest if key[1] else linear
+            )
+            self.gpu.adopt("samplers", self._samplers[key], 0)
+        return self._samplers[key]
+
+    def release(self) -> None:
+        """Free everything."""
+        self.gpu.free(*self._owned, *self._samplers.values())
+        self._owned, self._samplers = [], {}
+        self.set = None
+
+
+def upload_image(gpu: GpuContext, image: ImageData) -> moderngl.Texture:
+    """A mip-mapped texture of an image; sRGB is decoded by the sampler, before it filters."""
+    height, width = image.pixels.shape[:2]
+    limit = int(gpu.mgl.info.get("GL_MAX_TEXTURE_SIZE", 16384))
+    pixels = image.pixels
+    while max(height, width) > limit:
+        pixels = pixels[::2, ::2]
+        height, width = pixels.shape[:2]
+    if pixels.dtype == np.uint8:
+        internal = _SRGB8_ALPHA8 if image.encoding is ImageEncoding.SRGB else None
+        texture = gpu.mgl.texture((width, height), 4, np.ascontiguousarray(pixels).tobytes(), dtype="f1",
+                                  internal_format=internal, alignment=1)
+        size = 4
+    else:
+        half = np.clip(np.nan_to_num(pixels), -65504, 65504).astype(np.float16)
+        texture = gpu.mgl.texture((width, height), 4, half.tobytes(), dtype="f2", alignment=1)
+        size = 8
+    texture.build_mipmaps()
+    return gpu.adopt("image textures", texture, width * height * size * 4 // 3)

@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is seen at each pixel: triangles by rasterization, then their materials, batch by batch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from ..camera import CameraRays
+from ..gpu import interface
+from ..gpu.context import GpuContext, Kernel
+from ..settings import Settings
+from .geometry import Geometry
+from .inject import LightTable
+from .materials import MaterialPass, MaterialSet
+from .voxelize import Voxels
+
+#: Partly transparent surfaces that one pass looks through at a pixel, at most.
+MAX_LAYERS = 16
+
+
+@dataclass
+class SurfacePictures:
+    """The surface pictures, as lib/pixel.glsl reads them."""
+
+    size: tuple[int, int]
+    seen: moderngl.Texture  # r32ui: triangle + 1; 0: none
+    position: moderngl.Texture
+    normal: moderngl.Texture
+    diffuse: moderngl.Texture
+    f0: moderngl.Texture
+    f90: moderngl.Texture
+    emission: moderngl.Texture
+
+    def bind(self) -> None:
+        """Bind for reading."""
+        slot = interface.slot
+        self.position.use(slot("TEX_POSITION"))
+        self.normal.use(slot("TEX_NORMAL"))
+        self.diffuse.use(slot("TEX_DIFFUSE"))
+        self.f0.use(slot("TEX_F0"))
+        self.f90.use(slot("TEX_F90"))
+        self.emission.use(slot("TEX_EMISSION"))
+
+    def bind_images(self) -> None:
+        """Bind for writing."""
+        self.seen.bind_to_image(interface.slot("IMG_0"), read=True, write=True)
+        for unit, picture in enumerate(
+            (self.position, self.normal, self.diffuse, self.f0, self.f90, self.emission), start=1
+        ):
+            picture.bind_to_image(interface.slot(f"IMG_{unit}"), read=False, write=True)
+
+
+class SurfacePass:
+    """Rasterizes which triangle is seen, then evaluates materials for lists of pixels."""
+
+    def __init__(self, gpu: GpuContext) -> None:
+        self.gpu = gpu
+        self.pictures: SurfacePictures | None = None
+        self._owned: list[Any] = []
+        self._framebuffer: moderngl.Framebuffer | None = None
+        self._pixels: moderngl.Buffer | None = None
+        self._bins: moderngl.Buffer | None = None
+        self._counters: moderngl.Buffer | None = None
+        self._batches = 0
+
+    def allocate(self, size: tuple[int, int], batches: int) -> SurfacePictures:
+        """Make the pictures for a resolution; kept when nothing changed."""
+        if self.pictures is not None and self.pictures.size == size and self._batches == batches:
+            return self.pictures
+        self.release()
+        gpu = self.gpu
+        name = "surface pictures"
+        formats = ((1, "u4"), (4, "f4"), (4, "ni2"), (4, "f2"), (4, "f2"), (4, "f2"), (4, "f4"))
+        pictures = [gpu.texture(name, size, components, kind) for components, kind in formats]
+        depth = gpu.adopt(name, gpu.mgl.depth_renderbuffer(size), 4 * size[0] * size[1])
+        self._framebuffer = gpu.adopt(name, gpu.mgl.framebuffer([pictures[0]], depth), 0)
+        self._pixels = gpu.buffer("pixel lists", size=4 * size[0] * size[1])
+        self._bins = gpu.buffer("pixel lists", size=20 * max(batches, 1))
+        self._counters = gpu.buffer("pixel lists", size=4 * max(batches, 4))
+        self._owned = [self._framebuffer, depth, *pictures, self._pixels, self._bins, self._counters]
+        self.pictures = SurfacePictures(size, *pictures)
+        self._batches = batches
+        return self.pictures
+
+    def run(
+        self, geometry: Geometry, voxels: Voxels | None, materials: MaterialSet, material_pass: MaterialPass,
+        camera: CameraRays, offset: tuple[float, float], sample: int, settings: Settings,
+    ) -> SurfacePictures:
+        """Fill the pictures for one pass that samples pixels at ``offset``."""
+        pictures = self.pictures
+        assert pictures is not None
+        with self.gpu.timed("visibility"):
+            self._rasterize(geometry, camera, offset)
+        with self.gpu.timed("surface"):
+            _clear(pictures.position)
+            _clear(pictures.emission)
+            seed = (settings.seed * 0x9E3779B1 + sample * MAX_LAYERS) & 0xFFFFFFFF
+            if geometry.triangle_count:
+                self._evaluate(geometry, materials, material_pass, camera, offset, seed, pending=False)
+                if materials.has_transparency and voxels is not None:
+                    self._look_through(geometry, voxels, materials, material_pass, camera, offset, seed)
+        return pictures
+
+    def _rasterize(self, geometry: Geometry, camera: CameraRays, offset: tuple[float, float]) -> None:
+        gpu = self.gpu
+        framebuffer = self._framebuffer
+        assert framebuffer is not None
+        framebuffer.use()
+        framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
+        gpu.mgl.enable_only(moderngl.DEPTH_TEST)
+        if not geometry.meshes:
+            return
+        program = gpu.program("visibility")
+        program["clip_from_grid"].write(np.ascontiguousarray(camera.raster_matrix(offset).T, np.float32).tobytes())
+        for draw in geometry.meshes:
+            if draw.vertex_array is None:
+                draw.vertex_array = gpu.adopt("vertex arrays", gpu.mgl.vertex_array(
+                    program,
+                    [
+                        (draw.positions, "3f4", "position_os"),
+                        (draw.instances, "4f4 4f4 4f4 1u4/i", "grid_from_object_x", "grid_from_object_y",
+                         "grid_from_object_z", "first_triangle"),
+                    ],
+                    index_buffer=draw.indices, index_element_size=4,
+                ), 0)  # fmt: skip
+            draw.vertex_array.render(moderngl.TRIANGLES, instances=draw.instance_count)
+        gpu.barrier()  # the numbers are read through image loads
+
+    def _evaluate(
+        self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass, camera: CameraRays,
+        offset: tuple[float, float], seed: int, *, pending: bool,
+    ) -> None:
+        gpu, slot = self.gpu, interface.slot
+        pictures = self.pictures
+        assert pictures is not None and self._bins is not None and self._pixels is not None
+        self._bin(geometry, materials, pending=pending)
+        for index, batch in enumerate(materials.batches):
+            family = materials.compiled.families[batch.family]
+            kernel = gpu.kernel(
+                "surface", material_pass.defines(batch) | {"HAS_OPACITY": family.has_transparency},
+                material_pass.texts(batch),
+            )
+            pictures.bind_images()
+            geometry.triangles.use(slot("TEX_TRIANGLES"))
+            geometry.instances.bind_to_storage_buffer(slot("BUF_INSTANCES"))
+            geometry.corners.bind_to_storage_buffer(slot("BUF_VERTICES"))
+            geometry.attributes.bind_to_storage_buffer(slot("BUF_ATTRIBUTES"))
+            self._pixels.bind_to_storage_buffer(slot("BUF_WORK"))
+            self._bins.bind_to_storage_buffer(slot("BUF_SUMS"))
+            material_pass.bind(batch, kernel)
+            kernel.set(
+                batch=index, random_seed=seed, cell_size=geometry.grid.cell_size, grid_origin_ws=geometry.grid.origin,
+                **camera.uniforms(offset),
+            )
+            kernel.shader.run_indirect(self._bins, 20 * index)
+            material_pass.unbind(batch)
+        gpu.barrier()  # lighting reads the pictures as textures
+
+    def _bin(self, geometry: Geometry, materials: MaterialSet, *, pending: bool) -> None:
+        gpu, slot = self.gpu, interface.slot
+        pictures = self.pictures
+        assert pictures is not None and self._bins is not None and self._pixels is not None and self._counters is not None
+        self._counters.clear()
+        for step in (0, 1, 2):
+            kernel = gpu.kernel("pixel_bins", {"STEP": step})
+            kernel.set(picture_size=pictures.size, batch_count=len(materials.batches), pending_only=pending)
+            geometry.triangles.use(slot("TEX_TRIANGLES"))
+            materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
+            self._counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
+            self._bins.bind_to_storage_buffer(slot("BUF_SUMS"))
+            self._pixels.bind_to_storage_buffer(slot("BUF_WORK"))
+            pictures.seen.bind_to_image(slot("IMG_0"), read=True, write=False)
+            if step == 1:
+                kernel.shader.run(1, 1, 1)
+            else:
+                kernel.run_tiles(*pictures.size)
+            gpu.barrier()  # each step reads the counters of the one before; dispatches read their arguments
+
+    def _look_through(
+        self, geometry: Geometry, voxels: Voxels, materials: MaterialSet, material_pass: MaterialPass,
+        camera: CameraRays, offset: tuple[float, float], seed: int,
+    ) -> None:
+        gpu, slot = self.gpu, interface.slot
+        pictures = self.pictures
+        assert pictures is not None and self._counters is not None
+        kernel = gpu.kernel("advance", {"HAS_OPACITY": False})
+        for layer in range(1, MAX_LAYERS):
+            self._counters.clear()
+            voxels.bind(kernel)
+            kernel.set(**camera.uniforms(offset))
+            pictures.position.use(slot("TEX_POSITION"))
+            pictures.seen.bind_to_image(slot("IMG_0"), read=True, write=True)
+            pictures.position.bind_to_image(slot("IMG_1"), read=False, write=True)
+            self._counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
+            kernel.run_tiles(*pictures.size)
+            gpu.barrier()  # the count is read back, the marks by the next step
+            if not np.frombuffer(self._counters.read(4), np.uint32)[0]:
+                return
+            self._evaluate(geometry, materials, material_pass, camera, offset, seed + layer, pending=True)
+
+    def show_lights(self, lights: LightTable, camera: CameraRays, offset: tuple[float, float], settings: Settings) -> None:
+        """Put lights that the camera sees into the pictures."""
+        pictures = self.pictures
+        assert pictures is not None
+        with self.gpu.timed("light shapes"):
+            kernel = self.gpu.kernel("light_shapes")
+            lights.bind(kernel, settings)
+            pictures.position.use(interface.slot("TEX_POSITION"))
+            pictures.bind_images()
+            kernel.set(**camera.uniforms(offset))
+            kernel.run_tiles(*pictures.size)
+            self.gpu.barrier()  # lighting reads the pictures as textures
+
+    def release(self) -> None:
+        """Free everything."""
+        self.gpu.free(*self._owned)
+        self._owned = []
+        self.pictures = None
+        self._batches = 0
+
+
+def _clear(texture: moderngl.Texture) -> None:
+    texture.write(bytes(texture.width * texture.height * texture.components * 4))
+
+
+def bind_pixels(kernel: Kernel, pictures: SurfacePictures, camera: CameraRays, offset: tuple[float, float]) -> None:
+    """What every pass over pixels needs."""
+    pictures.bind()
+    kernel.set(**camera.uniforms(offset))

@@ -1,0 +1,292 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Exact, order-independent voxelization into six faces, stored for occupied cells only.
+
+The cells that surfaces enter are marked, one bit each, in bricks of 4x4x4; then counted and numbered; then the
+triangles are listed cell by cell (rays are exact against them) and their materials summed face by face. Everything is
+allocated from counts. Overlaps are exact (lib/overlap.glsl), so no cell is missed, and all sums are integers, so the
+same scene gives the same bits on every run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from ..gpu import interface
+from ..gpu.context import GpuContext, Kernel
+from ..grid import VoxelGrid
+from ..scene import RayVisibility
+from .geometry import Geometry
+from .materials import MaterialPass, MaterialSet
+
+#: Work items in one dispatch: bounds how long a step takes, so that cancelling is quick.
+ITEMS_PER_STEP = 1 << 18
+
+_POPCOUNT = np.array([bin(value).count("1") for value in range(1 << 16)], np.uint8)
+
+
+@dataclass
+class Voxels:
+    """The sparse voxel grid, as lib/grid.glsl and lib/trace.glsl read it."""
+
+    grid: VoxelGrid
+    brick_mask: moderngl.Texture3D
+    brick_base: moderngl.Texture3D
+    brick_distance: moderngl.Texture3D
+    cells: moderngl.Texture
+    cell_triangles: moderngl.Texture
+    cell_opacities: moderngl.Texture | None
+    faces: moderngl.Buffer
+    triangles: moderngl.Texture
+    cell_count: int
+    face_count: int
+    pair_count: int  # triangles, counted once for each cell they enter
+
+    @property
+    def trace_defines(self) -> dict[str, object]:
+        return {"HAS_OPACITY": self.cell_opacities is not None}
+
+    def bind(self, kernel: Kernel) -> None:
+        """Bind everything that tracing reads."""
+        slot = interface.slot
+        self.triangles.use(slot("TEX_TRIANGLES"))
+        self.brick_mask.use(slot("TEX_BRICK_MASK"))
+        self.brick_base.use(slot("TEX_BRICK_BASE"))
+        self.brick_distance.use(slot("TEX_BRICK_DISTANCE"))
+        self.cells.use(slot("TEX_CELLS"))
+        self.cell_triangles.use(slot("TEX_CELL_TRIANGLES"))
+        if self.cell_opacities is not None:
+            self.cell_opacities.use(slot("TEX_CELL_OPACITIES"))
+        kernel.set(grid_size=self.grid.size)
+
+
+def popcount(words: np.ndarray) -> np.ndarray:
+    """Bits set in each uint64 of ``words``, same shape, int64."""
+    halves = np.ascontiguousarray(words).view(np.uint16).reshape(*words.shape, 4)
+    return _POPCOUNT[halves].sum(axis=-1, dtype=np.int64)
+
+
+def brick_distances(occupied: np.ndarray) -> np.ndarray:
+    """Chebyshev distance of each brick to the nearest occupied one, (z, y, x) bool -> uint8 (255: farther or none)."""
+    distance = np.where(occupied, 0, 255).astype(np.uint8)
+    reached = occupied.copy()
+    for step in range(1, 255):
+        if reached.all() or not reached.any():
+            break
+        for axis in range(3):
+            grown = reached.copy()
+            before = [slice(None)] * 3
+            after = [slice(None)] * 3
+            before[axis], after[axis] = slice(None, -1), slice(1, None)
+            grown[tuple(after)] |= reached[tuple(before)]
+            grown[tuple(before)] |= reached[tuple(after)]
+            reached = grown
+        distance[reached & (distance == 255)] = step
+    return distance
+
+
+def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:
+    """Positions of occupied cells in the order of their numbers, packed x | y << 11 | z << 22, (N,) uint32.
+
+    ``masks``: (B,) uint64, bricks in the order x fastest.
+    """
+    filled = np.flatnonzero(masks)
+    bits = np.unpackbits(np.ascontiguousarray(masks[filled]).view(np.uint8).reshape(-1, 8), axis=1, bitorder="little")
+    row, bit = np.nonzero(bits)
+    brick = filled[row]
+    x = (brick % bricks[0]) * interface.BRICK + (bit & 3)
+    y = (brick // bricks[0] % bricks[1]) * interface.BRICK + (bit >> 2 & 3)
+    z = (brick // (bricks[0] * bricks[1])) * interface.BRICK + (bit >> 4)
+    return (x | y << 11 | z << 22).astype(np.uint32)
+
+
+class VoxelizePass:
+    """Owns the voxels of one scene."""
+
+    def __init__(self, gpu: GpuContext) -> None:
+        self.gpu = gpu
+        self.voxels: Voxels | None = None
+        self._owned: list[Any] = []
+        self._temporary: list[Any] = []
+
+    def run(self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass) -> Iterator[float]:
+        """Voxelize. Yields the share done; ``voxels`` is set at the end."""
+        self.release()
+        try:
+            yield from self._steps(geometry, materials, material_pass)
+        finally:
+            self.gpu.free(*self._temporary)
+            self._temporary = []
+
+    def _steps(self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass) -> Iterator[float]:
+        gpu, slot, grid = self.gpu, interface.slot, geometry.grid
+        mask = gpu.texture_3d("brick masks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
+        self._owned.append(mask)
+        with gpu.timed("voxelize"):
+            starts, work = self._work(geometry, materials)
+        total = int(starts[-1])
+        yield 0.1
+
+        with gpu.timed("voxelize"):
+            kernel = gpu.kernel("voxel_mark").set(grid_size=grid.size, work_count=total)
+            geometry.triangles.use(slot("TEX_TRIANGLES"))
+            work.bind_to_storage_buffer(slot("BUF_WORK"))
+            mask.bind_to_image(slot("IMG_0"), read=True, write=True)
+            kernel.run_list(total)
+            gpu.barrier()  # read back, then as a texture
+            base, distance, packed = self._number_cells(mask, grid)
+        cells = len(packed)
+        yield 0.25
+
+        with gpu.timed("voxelize"):
+            counts = gpu.buffer("voxel counts", size=8 * cells)
+            self._temporary.append(counts)
+            kernel = gpu.kernel("voxel_count").set(grid_size=grid.size, work_count=total)
+            geometry.triangles.use(slot("TEX_TRIANGLES"))
+            mask.use(slot("TEX_BRICK_MASK"))
+            base.use(slot("TEX_BRICK_BASE"))
+            work.bind_to_storage_buffer(slot("BUF_WORK"))
+            counts.bind_to_storage_buffer(slot("BUF_COUNTS"))
+            kernel.run_list(total)
+            gpu.barrier()  # read back
+            voxels = self._allocate(geometry, materials, mask, base, distance, counts, cells)
+        yield 0.4
+
+        words = interface.FACE_SUM_WORDS + (interface.EMISSION_SUM_WORDS if materials.has_emission else 0)
+        with gpu.timed("voxelize"):
+            sums = gpu.buffer("voxel sums", size=4 * words * voxels.face_count)
+            self._temporary.append(sums)
+        for index, batch in enumerate(materials.batches):
+            for first in range(int(starts[index]), int(starts[index + 1]), ITEMS_PER_STEP):
+                count = min(ITEMS_PER_STEP, int(starts[index + 1]) - first)
+                with gpu.timed("voxelize"):
+                    kernel = gpu.kernel(
+                        "voxel_accumulate",
+                        material_pass.defines(batch)
+                        | voxels.trace_defines
+                        | {"HAS_EMISSION": materials.compiled.families[batch.family].has_emission},
+                        material_pass.texts(batch),
+                    )
+                    self._bind_accumulate(geometry, voxels, work, sums, counts)
+                    material_pass.bind(batch, kernel)
+                    kernel.set(
+                        grid_size=grid.size, work_first=first, work_count=count, sum_words=words,
+                        cell_size=grid.cell_size, grid_origin_ws=grid.origin,
+                    )
+                    kernel.run_list(count)
+                    material_pass.unbind(batch)
+                yield 0.4 + 0.5 * (first + count) / max(total, 1)
+
+        with gpu.timed("voxelize"):
+            gpu.barrier()  # sums and lists are complete
+            positions = gpu.buffer("cell positions", packed)
+            self._temporary.append(positions)
+            kernel = gpu.kernel("voxel_resolve", {"HAS_EMISSION": materials.has_emission, "HAS_OPACITY": False})
+            voxels.bind(kernel)
+            kernel.set(cell_count=cells, sum_words=words)
+            sums.bind_to_storage_buffer(slot("BUF_SUMS"))
+            positions.bind_to_storage_buffer(slot("BUF_WORK"))
+            voxels.faces.bind_to_storage_buffer(slot("BUF_FACES"))
+            kernel.run_list(cells)
+            gpu.barrier()  # injection and links read the faces
+        self.voxels = voxels
+        yield 1.0
+
+    def _work(self, geometry: Geometry, materials: MaterialSet) -> tuple[np.ndarray, moderngl.Buffer]:
+        """Work items sorted by batch, and where each batch starts, (batches + 1,)."""
+        gpu, slot = self.gpu, interface.slot
+        batches = len(materials.batches)
+        counters = gpu.buffer("voxel work counters", size=4 * batches)
+        self._temporary.append(counters)
+        mask = int(RayVisibility.ALL)
+
+        def run(count: bool) -> None:
+            kernel = gpu.kernel("work", {"COUNT": count})
+            kernel.set(grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=mask)
+            geometry.triangles.use(slot("TEX_TRIANGLES"))
+            materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
+            counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
+            kernel.run_list(geometry.triangle_count)
+            gpu.barrier()  # counters are read back, work by later steps
+
+        run(count=True)
+        counts = np.frombuffer(counters.read(), np.uint32)[:batches].astype(np.int64)
+        starts = np.concatenate([[0], np.cumsum(counts)])
+        counters.write(np.ascontiguousarray(starts[:-1], np.uint32).tobytes())
+        work = gpu.buffer("voxel work", size=8 * int(starts[-1]))
+        self._temporary.append(work)
+        work.bind_to_storage_buffer(slot("BUF_WORK"))
+        run(count=False)
+        return starts, work
+
+    def _number_cells(
+        self, mask: moderngl.Texture3D, grid: VoxelGrid
+    ) -> tuple[moderngl.Texture3D, moderngl.Texture3D, np.ndarray]:
+        gpu = self.gpu
+        masks = np.frombuffer(mask.read(), np.uint64)
+        counts = popcount(masks)
+        first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.uint32)
+        shape = grid.bricks[::-1]
+        base = gpu.texture_3d("brick bases", grid.bricks, 1, "u4", first.reshape(shape))
+        distances = brick_distances((masks != 0).reshape(shape))
+        distance = gpu.texture_3d("brick distances", grid.bricks, 1, "u1", distances)
+        self._owned += [base, distance]
+        return base, distance, cell_positions(masks, grid.bricks)
+
+    def _allocate(
+        self, geometry: Geometry, materials: MaterialSet, mask: moderngl.Texture3D, base: moderngl.Texture3D,
+        distance: moderngl.Texture3D, counts: moderngl.Buffer, cells: int,
+    ) -> Voxels:
+        gpu = self.gpu
+        table = np.frombuffer(counts.read(), np.uint32)[: 2 * cells].reshape(-1, 2)
+        records = np.zeros((max(cells, 1), 4), np.uint32)
+        pairs, faces = 0, 0
+        if cells:
+            ends = np.cumsum(table[:, 0], dtype=np.int64)
+            face_counts = _POPCOUNT[table[:, 1]]
+            face_ends = np.cumsum(face_counts, dtype=np.int64)
+            pairs, faces = int(ends[-1]), int(face_ends[-1])
+            records[:, 0] = ends - table[:, 0]
+            records[:, 1] = table[:, 0]
+            records[:, 2] = face_ends - face_counts
+            records[:, 3] = table[:, 1]
+            cursors = np.zeros((cells, 2), np.uint32)
+            cursors[:, 0] = records[:, 0]
+            counts.write(cursors.tobytes())
+        cell_texture = gpu.list_texture("cells", len(records), 4, "u4", records)
+        triangles = gpu.list_texture("cell triangles", pairs, 1, "u4")
+        opacities = gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.has_transparency else None
+        face_buffer = gpu.buffer("faces", size=interface.FACE.dtype.itemsize * max(faces, 1))
+        self._owned += [cell_texture, triangles, opacities, face_buffer]
+        return Voxels(
+            geometry.grid, mask, base, distance, cell_texture, triangles, opacities, face_buffer, geometry.triangles,
+            cells, faces, pairs,
+        )
+
+    def _bind_accumulate(
+        self, geometry: Geometry, voxels: Voxels, work: moderngl.Buffer, sums: moderngl.Buffer, cursors: moderngl.Buffer
+    ) -> None:
+        slot = interface.slot
+        voxels.triangles.use(slot("TEX_TRIANGLES"))
+        voxels.brick_mask.use(slot("TEX_BRICK_MASK"))
+        voxels.brick_base.use(slot("TEX_BRICK_BASE"))
+        voxels.cells.use(slot("TEX_CELLS"))
+        geometry.instances.bind_to_storage_buffer(slot("BUF_INSTANCES"))
+        geometry.corners.bind_to_storage_buffer(slot("BUF_VERTICES"))
+        geometry.attributes.bind_to_storage_buffer(slot("BUF_ATTRIBUTES"))
+        work.bind_to_storage_buffer(slot("BUF_WORK"))
+        sums.bind_to_storage_buffer(slot("BUF_SUMS"))
+        cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
+        voxels.cell_triangles.bind_to_image(slot("IMG_0"), read=False, write=True)
+        if voxels.cell_opacities is not None:
+            voxels.cell_opacities.bind_to_image(slot("IMG_1"), read=False, write=True)
+
+    def release(self) -> None:
+        """Free everything."""
+        self.gpu.free(*self._owned, *self._temporary)
+        self._owned, self._temporary = [], []
+        self.voxels = None

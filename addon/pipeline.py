@@ -1,0 +1,277 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The frame, top to bottom. One pipeline serves a viewport, an F12 render or a preview; it knows nothing of Blender.
+
+    prepare: materials -> geometry -> voxels -> lights -> injection -> links -> bounces (-> cones)
+    sample:  surfaces -> direct light -> gather -> film
+
+Each step of ``prepare`` is redone only when something it depends on has changed. Both are generators that yield between
+pieces of work of well under half a second, so that a caller can show progress and stop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .camera import CameraRays, pixel_offset
+from .features import Features
+from .gpu.context import GpuContext
+from .grid import VoxelGrid, choose_resolution, scene_bounds
+from .passes.bounce import BouncePass, LinkPass
+from .passes.compose import Film
+from .passes.cones import ConeVolume
+from .passes.geometry import GeometryPass
+from .passes.inject import InjectPass, LightTable
+from .passes.lighting import DirectPass, GatherPass
+from .passes.materials import MaterialPass
+from .passes.surface import SurfacePass
+from .passes.voxelize import VoxelizePass
+from .passes.world import WorldLight
+from .scene import SceneData
+from .settings import Settings
+
+
+class PipelineError(RuntimeError):
+    """Something could not be rendered. The text is a sentence for the user."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a generator is, 0..1, and what it is doing."""
+
+    fraction: float
+    text: str
+
+
+class _Memo:
+    """Which steps are still valid: a step is redone when its inputs differ or a step before it was redone."""
+
+    def __init__(self) -> None:
+        self._keys: dict[str, tuple] = {}
+
+    def stale(self, step: str, *inputs: Any) -> bool:
+        old = self._keys.get(step)
+        same = old is not None and len(old) == len(inputs) and all(_same(a, b) for a, b in zip(old, inputs, strict=True))
+        return not same
+
+    def done(self, step: str, *inputs: Any) -> None:
+        self._keys[step] = inputs
+
+    def forget(self, *steps: str) -> None:
+        for step in steps:
+            self._keys.pop(step, None)
+
+
+def _same(a: Any, b: Any) -> bool:
+    if a is b:
+        return True
+    if isinstance(a, tuple) and isinstance(b, tuple):
+        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
+    return isinstance(a, (int, float, str, bool, VoxelGrid)) and type(a) is type(b) and a == b
+
+
+class Pipeline:
+    """Renders one scene into a film. All GL objects live in ``gpu`` and are freed by ``release``."""
+
+    def __init__(self, gpu: GpuContext) -> None:
+        self.gpu = gpu
+        self.film = Film(gpu)
+        self._wanted: set[str] = {"combined"}
+        self._memo = _Memo()
+        self._materials = MaterialPass(gpu)
+        self._geometry = GeometryPass(gpu)
+        self._voxelize = VoxelizePass(gpu)
+        self._world = WorldLight(gpu)
+        self._lights = LightTable(gpu)
+        self._inject = InjectPass(gpu)
+        self._links = LinkPass(gpu)
+        self._bounce = BouncePass(gpu)
+        self._cones = ConeVolume(gpu)
+        self._surface = SurfacePass(gpu)
+        self._direct = DirectPass(gpu)
+        self._gather = GatherPass(gpu)
+        self._scene: SceneData | None = None
+        self._settings = Settings()
+        self._size = (0, 0)
+        self._radiance_version = 0
+        self.features: Features | None = None
+        self.grid: VoxelGrid | None = None
+        self.warnings: list[str] = []
+
+    def want(self, names: Iterable[str]) -> None:
+        """Which outputs the film keeps, by the names of passes/compose.py; call before ``prepare``."""
+        self._wanted = set(names) | {"combined"}
+
+    # Voxels -----------------------------------------------------------------------------------------------------
+
+    def prepare(self, scene: SceneData, settings: Settings, size: tuple[int, int]) -> Iterator[Progress]:
+        """Bring voxels and light up to date for ``scene`` and start the film at zero, ``size`` pixels.
+
+        Raises PipelineError, MemoryError, ShaderError. A generator that is not run to its end leaves no half-done step:
+        the next call does that step again.
+        """
+        self._scene, self._settings, self._size = scene, settings, size
+        memo, warnings = self._memo, list(scene.warnings)
+
+        if memo.stale("materials", scene.materials):
+            yield Progress(0.0, "Compiling materials")
+            memo.forget("geometry", "voxels")
+            with self.gpu.timed("materials"):
+                self._materials.run(scene.materials)
+            memo.done("materials", scene.materials)
+        materials = self._materials.set
+        assert materials is not None
+        warnings += materials.compiled.warnings
+
+        if memo.stale("world", scene.world):
+            memo.forget("links")
+            self._world.run(scene.world)
+            memo.done("world", scene.world)
+        warnings += self._world.warnings
+
+        features = Features.from_scene(
+            scene, settings, emission=materials.has_emission, transparency=materials.has_transparency,
+            specular=materials.has_specular, world=self._world.is_lit,
+        )
+        self.features = features
+
+        shape = (scene.meshes, scene.instances)
+        resolution = (settings.voxel_auto, settings.voxel_resolution, settings.memory_budget, settings.bounce_rays)
+        if memo.stale("geometry", *shape, *resolution):
+            yield Progress(0.02, "Uploading geometry")
+            memo.forget("voxels")
+            bounds = scene_bounds(scene)
+            self.grid = VoxelGrid.around(
+                bounds if bounds is not None else np.array([[-1.0] * 3, [1.0] * 3]), choose_resolution(scene, settings)
+            )
+            with self.gpu.timed("geometry"):
+                self._geometry.run(scene, self.grid, materials)
+            memo.done("geometry", *shape, *resolution)
+        geometry, grid = self._geometry.geometry, self.grid
+        assert geometry is not None and grid is not None
+
+        if memo.stale("voxels"):
+            memo.forget("links", "radiance")
+            for share in self._voxelize.run(geometry, materials, self._materials):
+                yield Progress(0.05 + 0.25 * share, "Voxelizing")
+            memo.done("voxels")
+        voxels = self._voxelize.voxels
+        assert voxels is not None
+
+        if memo.stale("lights", scene.lights, grid):
+            memo.forget("radiance")
+            self._lights.run(scene.lights, grid)
+            memo.done("lights", scene.lights, grid)
+
+        if features.needs_radiance:
+            yield from self._light_voxels(features)
+        else:
+            self._links.release()
+            self._bounce.release()
+            memo.forget("links", "radiance")
+        if not features.needs_cones:
+            self._cones.release()
+            memo.forget("cones")
+        elif memo.stale("cones", self._radiance_version):
+            self._cones.run(voxels, self._bounce.radiance[0])
+            memo.done("cones", self._radiance_version)
+
+        self.warnings = list(dict.fromkeys(warnings))
+        self._surface.allocate(size, len(materials.batches))
+        if not features.has_direct:
+            self._direct.release()
+        if not (features.has_diffuse_gather or features.has_glossy):
+            self._gather.release()
+        self.film.start(size, self._wanted)
+        self._camera = CameraRays.of(scene.camera, grid, size)
+        yield Progress(1.0, "Ready")
+
+    def _light_voxels(self, features: Features) -> Iterator[Progress]:
+        settings, memo = self._settings, self._memo
+        voxels = self._voxelize.voxels
+        assert voxels is not None
+        if features.bounces and memo.stale("links", settings.bounce_rays, settings.seed):
+            memo.forget("radiance")
+            for share in self._links.run(voxels, self._world, settings):
+                yield Progress(0.3 + 0.5 * share, "Linking voxels")
+            memo.done("links", settings.bounce_rays, settings.seed)
+        light = (settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.bounces)
+        if memo.stale("radiance", *light):
+            self._bounce.allocate(voxels)
+            for share in self._inject.run(voxels, self._lights, self._bounce.radiance[0], settings):
+                yield Progress(0.8 + 0.1 * share, "Lighting voxels")
+            if features.bounces:
+                for share in self._bounce.run(voxels, self._links, settings):
+                    yield Progress(0.9 + 0.1 * share, "Bouncing light")
+            memo.done("radiance", *light)
+            self._radiance_version += 1
+
+    # Picture ----------------------------------------------------------------------------------------------------
+
+    def sample(self) -> Iterator[Progress]:
+        """Add one pass to the film. ``prepare`` must have been run to its end."""
+        scene, settings, features = self._scene, self._settings, self.features
+        geometry, voxels, materials = self._geometry.geometry, self._voxelize.voxels, self._materials.set
+        if scene is None or features is None or geometry is None or voxels is None or materials is None:
+            raise PipelineError("nothing was prepared to render")
+        index = self.film.samples
+        offset = pixel_offset(index, scene.pixel_filter_width)
+        camera = self._camera
+        surface = self._surface.run(
+            geometry, voxels, materials, self._materials, camera, offset, index, settings
+        )
+        if features.has_visible_lights:
+            self._surface.show_lights(self._lights, camera, offset, settings)
+        yield Progress(0.2, "Surfaces")
+        if features.has_direct:
+            for share in self._direct.run(
+                surface, voxels, self._lights, self._cones, camera, offset, index, features, settings
+            ):
+                yield Progress(0.2 + 0.2 * share, "Direct light")
+        if features.has_diffuse_gather or features.has_glossy:
+            radiance = self._bounce.radiance[0] if features.needs_radiance else None
+            for share in self._gather.run(
+                surface, voxels, radiance, self._lights, self._world, self._cones, camera, offset, index, features,
+                settings,
+            ):
+                yield Progress(0.4 + 0.5 * share, "Indirect light")
+        self.film.add(
+            scene, surface, self._direct.pictures if features.has_direct else None,
+            self._gather.pictures if features.has_diffuse_gather or features.has_glossy else None,
+            self._world, camera, offset, geometry.grid, features, settings,
+        )
+        yield Progress(1.0, "Pass done")
+
+    # Report -----------------------------------------------------------------------------------------------------
+
+    def statistics(self) -> dict[str, Any]:
+        """What was done and what it took; sizes in bytes, times in ms."""
+        voxels = self._voxelize.voxels
+        return {
+            "renderer": self.gpu.renderer,
+            "resolution": list(self._size),
+            "samples": self.film.samples,
+            "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
+            "occupied": voxels.cell_count if voxels else 0,
+            "faces": voxels.face_count if voxels else 0,
+            "bounces": self._bounce.bounces if self.features and self.features.bounces else 0,
+            "features": self.features.names if self.features else [],
+            "passes": [
+                {"name": name, "calls": t.calls, "cpu_ms": round(t.cpu_ms, 3), "gpu_ms": round(t.gpu_ms, 3)}
+                for name, t in self.gpu.times.items()
+            ],
+            "memory": dict(sorted(self.gpu.memory.items())),
+            "warnings": list(self.warnings),
+        }
+
+    def release(self) -> None:
+        """Free every GL object."""
+        for part in (
+            self._surface, self._direct, self._gather, self._cones, self._bounce, self._links, self._lights, self._world,
+            self._voxelize, self._geometry, self._materials, self.film,
+        ):
+            part.release()
+        self._memo = _Memo()

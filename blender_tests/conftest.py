@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fixtures for tests that need Blender; they are skipped where there is none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+
+@pytest.fixture
+def empty_scene() -> Any:
+    """A new Blender file with one scene and nothing in it (no camera, no world)."""
+    bpy = pytest.importorskip("bpy")
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return bpy.context.scene
+
+
+@pytest.fixture
+def extract(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
+    """A function without arguments: SceneData of the current scene, extracted inside a final render as F12 does it.
+
+    Materials and worlds are taken by name only: their nodes have tests of their own.
+    """
+    bpy = pytest.importorskip("bpy")
+    from addon.host.extract import scene as module
+    from addon.materials.graph import MaterialData, WorldData
+
+    monkeypatch.setattr(
+        module,
+        "_converters",
+        lambda warnings: (lambda m: MaterialData(m.name, None), lambda w: WorldData(w.name, None, tuple(w.color))),
+    )
+    outcome: list[Any] = []
+
+    class ExtractionProbe(bpy.types.RenderEngine):  # type: ignore[misc]
+        bl_idname = "EXTRACTION_PROBE"
+        bl_label = "Extraction Probe"
+
+        def render(self, depsgraph: Any) -> None:
+            render = depsgraph.scene.render
+            scale = render.resolution_percentage / 100
+            resolution = (int(render.resolution_x * scale), int(render.resolution_y * scale))
+            try:
+                outcome.append(module.extract_scene(depsgraph, resolution=resolution))
+            except Exception as error:
+                outcome.append(error)
+
+    def run() -> Any:
+        outcome.clear()
+        bpy.context.scene.render.engine = ExtractionProbe.bl_idname
+        bpy.ops.render.render()
+        assert outcome, "Blender did not call the render engine"
+        if isinstance(outcome[0], Exception):
+            raise outcome[0]
+        return outcome[0]
+
+    bpy.utils.register_class(ExtractionProbe)
+    yield run
+    bpy.utils.unregister_class(ExtractionProbe)

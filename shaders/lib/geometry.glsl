@@ -1,0 +1,147 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// From a point of a triangle to everything a material may ask about it.
+//
+// The including program provides generated text "material" (evaluate_material) and the defines of lib/surface.glsl.
+
+#include "lib/surface.glsl"
+#include "lib/triangle.glsl"
+
+uniform float cell_size;
+uniform vec3 grid_origin_ws;
+
+layout(std430, binding = BUF_INSTANCES) readonly buffer Instances { Instance instances[]; };
+// For each triangle of each mesh: three corners, material slot.
+layout(std430, binding = BUF_VERTICES) readonly buffer Corners { uint corners[]; };
+layout(std430, binding = BUF_ATTRIBUTES) readonly buffer Attributes { uint attributes[]; };
+// Entry m, component x, holds the number of material m's first parameter; parameters follow.
+layout(std430, binding = BUF_MATERIALS) readonly buffer Materials { vec4 material_values[]; };
+
+uint current_parameter_base;
+
+vec4 material_parameter(int index)
+{
+    return material_values[current_parameter_base + uint(index)];
+}
+
+#if MATERIAL_UV_LAYERS > 0
+uniform uint material_uv_layers[MATERIAL_UV_LAYERS];
+#endif
+#if MATERIAL_COLOR_LAYERS > 0
+uniform uint material_color_layers[MATERIAL_COLOR_LAYERS];
+#endif
+
+#include "material"
+
+vec3 corner_normal(uint first, uint corner)
+{
+    return octahedral_decode(unpackSnorm2x16(attributes[first + corner]));
+}
+
+vec2 corner_uv(uint first, uint corner)
+{
+    if (first == NONE_INDEX) {
+        return vec2(0.0);
+    }
+    return vec2(uintBitsToFloat(attributes[first + 2u * corner]), uintBitsToFloat(attributes[first + 2u * corner + 1u]));
+}
+
+vec4 corner_color(uint first, uint corner)
+{
+    if (first == NONE_INDEX) {
+        return vec4(0.0);
+    }
+    return vec4(unpackHalf2x16(attributes[first + 2u * corner]), unpackHalf2x16(attributes[first + 2u * corner + 1u]));
+}
+
+// Rows of object_from_grid transposed times a normal: normals go by the inverse transpose.
+vec3 world_normal(Instance instance, vec3 n)
+{
+    return normalize(instance.object_from_grid_x.xyz * n.x + instance.object_from_grid_y.xyz * n.y +
+                     instance.object_from_grid_z.xyz * n.z);
+}
+
+// The point with these barycentric coordinates. `incoming` points to the viewer; `footprint` is the side of the area
+// that the answer stands for, in cells.
+ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float footprint)
+{
+    Instance instance = instances[t.instance];
+    vec3 weights = vec3(1.0 - barycentric.x - barycentric.y, barycentric);
+    vec3 position_grid = t.corner + t.edge_1 * barycentric.x + t.edge_2 * barycentric.y;
+    uint at = 4u * t.mesh_triangle;
+    uvec3 corner = uvec3(corners[at], corners[at + 1u], corners[at + 2u]);
+
+    ShadingPoint p;
+    p.position_ws = position_grid * cell_size + grid_origin_ws;
+    vec4 homogeneous = vec4(position_grid, 1.0);
+    p.position_os = vec3(dot(instance.object_from_grid_x, homogeneous), dot(instance.object_from_grid_y, homogeneous),
+                         dot(instance.object_from_grid_z, homogeneous));
+    p.generated = p.position_os * instance.generated_scale + instance.generated_offset;
+    p.incoming_ws = incoming;
+    p.object_random = instance.random;
+    p.object_index = instance.object_index;
+    p.object_position_ws = vec3(0.0);
+
+    vec3 face_cross = cross(t.edge_1, t.edge_2) * (instance.mirrored != 0u ? -1.0 : 1.0);
+    p.geometric_normal_ws = normalize(face_cross);
+    p.normal_os = corner_normal(instance.first_normal, corner.x) * weights.x +
+                  corner_normal(instance.first_normal, corner.y) * weights.y +
+                  corner_normal(instance.first_normal, corner.z) * weights.z;
+    p.normal_os = dot(p.normal_os, p.normal_os) > 1e-12 ? normalize(p.normal_os) : vec3(0.0, 0.0, 1.0);
+    p.normal_ws = world_normal(instance, p.normal_os);
+    if (!is_finite(p.normal_ws)) {
+        p.normal_ws = p.geometric_normal_ws;
+    }
+    p.back_facing = dot(p.geometric_normal_ws, incoming) < 0.0;
+    if (p.back_facing) {
+        p.geometric_normal_ws = -p.geometric_normal_ws;
+        p.normal_ws = -p.normal_ws;
+    }
+    if (dot(p.normal_ws, p.geometric_normal_ws) <= 0.0) {
+        p.normal_ws = p.geometric_normal_ws;  // custom normals that point to the other side of the surface
+    }
+
+#if MATERIAL_UV_LAYERS > 0
+    float area = length(face_cross);
+    for (int k = 0; k < MATERIAL_UV_LAYERS; ++k) {
+        uint first = attributes[instance.first_layer + material_uv_layers[k]];
+        vec2 a = corner_uv(first, corner.x);
+        vec2 ab = corner_uv(first, corner.y) - a;
+        vec2 ac = corner_uv(first, corner.z) - a;
+        p.uv[k] = a + ab * barycentric.x + ac * barycentric.y;
+        float uv_area = ab.x * ac.y - ab.y * ac.x;
+        p.uv_footprint[k] = footprint * sqrt(abs(uv_area) / max(area, 1e-30));
+        bool flat_map = abs(uv_area) < 1e-20;
+        float side = uv_area < 0.0 ? -1.0 : 1.0;
+        vec3 u = (t.edge_1 * ac.y - t.edge_2 * ab.y) * side;
+        vec3 v = (t.edge_2 * ab.x - t.edge_1 * ac.x) * side;
+        p.uv_tangent_ws[k] = flat_map ? vec3(0.0) : normalize(u);
+        p.uv_bitangent_ws[k] = flat_map ? vec3(0.0) : normalize(v);
+    }
+#endif
+#if MATERIAL_COLOR_LAYERS > 0
+    for (int k = 0; k < MATERIAL_COLOR_LAYERS; ++k) {
+        uint first = attributes[instance.first_layer + material_color_layers[k]];
+        p.color[k] = corner_color(first, corner.x) * weights.x + corner_color(first, corner.y) * weights.y +
+                     corner_color(first, corner.z) * weights.z;
+    }
+#endif
+    return p;
+}
+
+// What the triangle's material says there, made safe: finite, reflectances not negative, a usable normal.
+Surface surface_at(Triangle t, ShadingPoint p)
+{
+    current_parameter_base = uint(material_values[t.material].x);
+    Surface s;
+    evaluate_material(p, s);
+    s.diffuse = max(finite_or_zero(s.diffuse), 0.0);
+    s.specular_f0 = max(finite_or_zero(s.specular_f0), 0.0);
+    s.specular_f90 = max(finite_or_zero(s.specular_f90), 0.0);
+    s.emission = max(finite_or_zero(s.emission), 0.0);
+    s.transparency = clamp(finite_or_zero(s.transparency), 0.0, 1.0);
+    s.roughness = isnan(s.roughness) ? 1.0 : clamp(s.roughness, 0.0, 1.0);
+    if (!is_finite(s.normal_ws) || dot(s.normal_ws, s.normal_ws) < 0.25) {
+        s.normal_ws = p.normal_ws;
+    }
+    return s;
+}

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The GGX lobe: evaluation. Walter et al. 2007; height-correlated Smith masking after Heitz 2014, "Understanding the
+// Masking-Shadowing Function in Microfacet-Based BRDFs".
+
+#include "lib/common.glsl"
+#include "lib/closure.glsl"
+
+float ggx_lambda(float cosine, float alpha)
+{
+    float c2 = cosine * cosine;
+    float t2 = max(0.0, 1.0 - c2) / max(c2, 1e-12);
+    return 0.5 * (sqrt(1.0 + alpha * alpha * t2) - 1.0);
+}
+
+float ggx_masking_view(float n_v, float alpha)
+{
+    return 1.0 / (1.0 + ggx_lambda(n_v, alpha));
+}
+
+float ggx_masking(float n_l, float n_v, float alpha)
+{
+    return 1.0 / (1.0 + ggx_lambda(n_l, alpha) + ggx_lambda(n_v, alpha));
+}
+
+float ggx_distribution(float n_h, float alpha)
+{
+    float a2 = alpha * alpha;
+    float d = (n_h * n_h) * (a2 - 1.0) + 1.0;
+    return a2 / (PI * d * d);
+}
+
+vec3 fresnel(vec3 f0, vec3 f90, float cosine)
+{
+    float m = clamp(1.0 - cosine, 0.0, 1.0);
+    float m2 = m * m;
+    return mix(f0, f90, m2 * m2 * m);
+}
+
+// What light that was scattered more than once between facets adds. Turquin 2019, "Practical Multiple Scattering
+// Compensation for Microfacet Models", with the albedo of a facet that reflects everything.
+vec3 multiple_scattering(vec3 f0, float alpha, float n_v)
+{
+    float albedo = specular_directional_albedo(vec3(1.0), vec3(1.0), sqrt(alpha), n_v).x;
+    return 1.0 + f0 * (1.0 / clamp(albedo, 0.1, 1.0) - 1.0);
+}
+
+// BRDF times cosine.
+vec3 ggx_reflection(vec3 n, vec3 view, vec3 light, float alpha, vec3 f0, vec3 f90)
+{
+    vec3 h = normalize(view + light);
+    float n_l = dot(n, light);
+    float n_v = max(abs(dot(n, view)), 1e-4);
+    if (n_l <= 0.0) {
+        return vec3(0.0);
+    }
+    float specular = ggx_distribution(clamp(dot(n, h), 0.0, 1.0), alpha) * ggx_masking(n_l, n_v, alpha) / (4.0 * n_v);
+    return fresnel(f0, f90, dot(view, h)) * specular * multiple_scattering(f0, alpha, n_v);
+}

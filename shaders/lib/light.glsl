@@ -1,0 +1,163 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Lights: points on them, what arrives from there, and what a ray sees of them. Units and shapes are Blender's.
+//
+// The including program sets cell_size (metres) and light_falloff (exponent k of 1 / distance^k; 2 is physical).
+
+#include "lib/sampling.glsl"
+
+uniform float cell_size;
+uniform float light_falloff;
+uniform uint light_count;
+
+layout(std430, binding = BUF_LIGHTS) readonly buffer Lights { Light lights[]; };
+
+struct LightSample {
+    vec3 direction;   // unit, towards the light
+    float distance;   // cells
+    vec3 irradiance;  // W/m2 on a surface that faces the direction, unshadowed
+};
+
+// Share of a spot's light inside its blended cone. Cycles, spot_light_attenuation: the angle is measured in the light's
+// own space, so that its scale makes the cone elliptic.
+float spot_attenuation(Light light, vec3 from_light)
+{
+    vec3 local = vec3(dot(from_light, light.axis_x), dot(from_light, light.axis_y), dot(from_light, light.axis_z));
+    float cosine = -normalize(local * light.spot_scale).z;
+    return smoothstep(0.0, 1.0, (cosine - light.cos_cone) * light.spot_smooth);
+}
+
+// Share of an area light's radiance at an angle off its normal (its cosine is given) for a spread of 2 h:
+// max(0, 1 - tan angle / tan h). Cycles, area_light_spread_attenuation; the gain that keeps the power is in `intensity`.
+float spread_attenuation(Light light, float cosine)
+{
+    float h = light.spot_smooth;
+    if (h >= 0.5 * PI - 1e-4) {
+        return 1.0;
+    }
+    float tangent = sqrt(max(0.0, 1.0 - cosine * cosine)) / max(cosine, 1e-6);
+    return max(0.0, 1.0 - tangent / tan(h));
+}
+
+// 1 / distance^k over 1 / distance^2: what a falloff that is not physical changes.
+float falloff_factor(float distance_m)
+{
+    return light_falloff == 2.0 ? 1.0 : pow(max(distance_m, 1e-6), 2.0 - light_falloff);
+}
+
+// A point on the light, chosen by u, seen from position (grid space).
+LightSample sample_light(Light light, vec3 position, vec2 u)
+{
+    LightSample result;
+    if (light.kind == LIGHT_SUN) {
+        // Uniform over the projected disk: L pi sin^2(half angle) = E, whatever the angle.
+        vec2 offset = sample_disk(u) * sqrt(max(0.0, 1.0 - light.cos_cone * light.cos_cone));
+        float along = sqrt(max(1e-6, 1.0 - dot(offset, offset)));
+        result.direction = light.axis_x * offset.x + light.axis_y * offset.y + light.axis_z * along;
+        result.distance = 1e30;
+        result.irradiance = light.intensity / along;
+        return result;
+    }
+    vec3 target = light.position_grid;
+    if (light.kind == LIGHT_AREA) {
+        vec2 p = (light.flags & LIGHT_IS_ELLIPSE) != 0u ? sample_disk(u) : 2.0 * u - 1.0;
+        target += light.axis_x * (p.x * light.half_width_grid) + light.axis_y * (p.y * light.half_height_grid);
+        vec3 to_light = target - position;
+        float squared = max(dot(to_light, to_light), 1e-12);
+        result.distance = sqrt(squared);
+        result.direction = to_light / result.distance;
+        float cosine = dot(result.direction, light.axis_z);
+        float area = 4.0 * light.half_width_grid * light.half_height_grid;
+        area *= (light.flags & LIGHT_IS_ELLIPSE) != 0u ? 0.25 * PI : 1.0;
+        result.irradiance = cosine > 0.0
+            ? light.intensity * (cosine * area / squared * spread_attenuation(light, cosine)) : vec3(0.0);
+        result.irradiance *= falloff_factor(result.distance * cell_size);
+        return result;
+    }
+    vec3 axis = target - position;
+    float squared = max(dot(axis, axis), 1e-12);
+    float cosine = 1.0;
+    float squared_m = squared * cell_size * cell_size;
+    result.irradiance = light.intensity / squared_m;
+    if ((light.flags & LIGHT_IS_SPHERE) != 0u && squared > light.radius_grid * light.radius_grid) {
+        // The visible cap of a true sphere, uniform in solid angle. L = I / (pi r^2).
+        vec3 z = axis * inversesqrt(squared);
+        float sin2 = light.radius_grid * light.radius_grid / squared;
+        // 1 - cos, without cancellation for small spheres.
+        float versine = sin2 / (1.0 + sqrt(1.0 - sin2));
+        float cos_theta = 1.0 - u.x * versine;
+        float sin_theta = sqrt(max(0.0, 1.0 - cos_theta * cos_theta));
+        vec3 t, b;
+        basis(z, t, b);
+        float phi = 2.0 * PI * u.y;
+        result.direction = normalize(t * (sin_theta * cos(phi)) + b * (sin_theta * sin(phi)) + z * cos_theta);
+        float along = dot(axis, result.direction);
+        result.distance = along - sqrt(max(0.0, along * along - squared + light.radius_grid * light.radius_grid));
+        float radius_m = max(light.radius_grid * cell_size, 1e-9);
+        result.irradiance = light.intensity * (2.0 * versine / (radius_m * radius_m));
+    } else if (light.radius_grid > 0.0) {
+        // A disk that faces the receiver.
+        vec3 z = axis * inversesqrt(squared);
+        vec3 t, b;
+        basis(z, t, b);
+        vec2 p = sample_disk(u) * light.radius_grid;
+        vec3 to_light = axis + t * p.x + b * p.y;
+        float to_squared = dot(to_light, to_light);
+        result.distance = sqrt(to_squared);
+        result.direction = to_light / result.distance;
+        result.irradiance = light.intensity * (dot(z, result.direction) / (to_squared * cell_size * cell_size));
+    } else {
+        result.distance = sqrt(squared);
+        result.direction = axis / result.distance;
+    }
+    if (light.kind == LIGHT_SPOT) {
+        result.irradiance *= spot_attenuation(light, -result.direction);
+    }
+    result.irradiance *= falloff_factor(result.distance * cell_size);
+    return result;
+}
+
+// Half the angle under which the light is seen from position: which of two ways to find its reflection is less noisy.
+float light_half_angle(Light light, vec3 position)
+{
+    if (light.kind == LIGHT_SUN) {
+        return acos(clamp(light.cos_cone, -1.0, 1.0));
+    }
+    return atan(light.radius_grid, max(distance(position, light.position_grid), 1e-6));
+}
+
+// Radiance of the light along a ray, and how far it is (cells); zero when the ray misses it.
+vec3 light_along_ray(Light light, vec3 origin, vec3 direction, out float distance)
+{
+    distance = 1e30;
+    if (light.kind == LIGHT_SUN) {
+        return light.cos_cone < 1.0 && dot(direction, light.axis_z) >= light.cos_cone ? light.radiance : vec3(0.0);
+    }
+    vec3 to_light = light.position_grid - origin;
+    if (light.kind == LIGHT_AREA) {
+        float cosine = dot(direction, light.axis_z);
+        if (cosine <= 0.0) {
+            return vec3(0.0);
+        }
+        distance = dot(to_light, light.axis_z) / cosine;
+        vec3 p = direction * distance - to_light;
+        vec2 at = vec2(dot(p, light.axis_x) / light.half_width_grid, dot(p, light.axis_y) / light.half_height_grid);
+        bool inside = (light.flags & LIGHT_IS_ELLIPSE) != 0u ? dot(at, at) <= 1.0 : max(abs(at.x), abs(at.y)) <= 1.0;
+        return distance > 0.0 && inside ? light.radiance * spread_attenuation(light, cosine) : vec3(0.0);
+    }
+    float along = dot(to_light, direction);
+    float off2 = dot(to_light, to_light) - along * along;
+    float radius2 = light.radius_grid * light.radius_grid;
+    if (along <= 0.0 || off2 >= radius2) {
+        return vec3(0.0);
+    }
+    distance = (light.flags & LIGHT_IS_SPHERE) != 0u ? along - sqrt(radius2 - off2) : along;
+    float share = light.kind == LIGHT_SPOT ? spot_attenuation(light, -direction) : 1.0;
+    return distance > 0.0 ? light.radiance * share : vec3(0.0);
+}
+
+// Half the angle of the cone that holds about half of a GGX lobe: 2 atan(alpha). Lights that look larger than it are
+// found by glossy rays, smaller ones by points on the light.
+float glossy_half_angle(float alpha)
+{
+    return 2.0 * atan(alpha);
+}

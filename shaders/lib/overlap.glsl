@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Exact overlap of triangles and cells: every cell that a triangle's surface enters, with the area of the part inside
+// it and the centre of that part. No cell is missed however the triangle lies, and parts add up to the whole.
+//
+// The triangle is projected along its dominant axis. The part inside a cell is the triangle cut to a strip of depth
+// (three clipped edges and two caps), then to a unit square: its area is the sum over the outline's segments of
+//     integral of clamp(y, 0, 1) dx  for x in [0, 1],
+// with first moments likewise. Clamps are continuous, so nothing can be lost at grazing angles, there are no vertex
+// lists, and neighbouring cells use the same numbers for the line they share.
+//
+// The including shader defines
+//     void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal);
+
+#include "lib/triangle.glsl"
+#include "lib/grid.glsl"
+
+// Columns of cells (along the dominant axis) that one work item handles.
+const int COLUMNS_PER_ITEM = 8;
+
+void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal);
+
+int dominant_axis(vec3 n)
+{
+    vec3 a = abs(n);
+    return a.x > a.y ? (a.x > a.z ? 0 : 2) : (a.y > a.z ? 1 : 2);
+}
+
+// Turn the axes so that `axis` becomes z, and back.
+vec3 turn(vec3 v, int axis)
+{
+    return axis == 0 ? v.yzx : (axis == 1 ? v.zxy : v);
+}
+ivec3 turn(ivec3 v, int axis)
+{
+    return axis == 0 ? v.yzx : (axis == 1 ? v.zxy : v);
+}
+vec3 turn_back(vec3 v, int axis)
+{
+    return axis == 0 ? v.zxy : (axis == 1 ? v.yzx : v);
+}
+ivec3 turn_back(ivec3 v, int axis)
+{
+    return axis == 0 ? v.zxy : (axis == 1 ? v.yzx : v);
+}
+
+// Columns that the triangle's bounds cover: first (xy) and count (zw) in turned axes; count 0 when outside the grid.
+ivec4 column_range(Triangle t, int axis)
+{
+    vec3 b = t.corner + t.edge_1;
+    vec3 c = t.corner + t.edge_2;
+    vec3 lo = turn(min(t.corner, min(b, c)), axis);
+    vec3 hi = turn(max(t.corner, max(b, c)), axis);
+    ivec3 size = turn(grid_size, axis);
+    if (any(lessThan(hi, vec3(0.0))) || any(greaterThanEqual(lo, vec3(size))) || !is_finite(lo + hi)) {
+        return ivec4(0);
+    }
+    ivec2 first = ivec2(max(floor(lo.xy), vec2(0.0)));
+    ivec2 last = ivec2(min(floor(hi.xy), vec2(size.xy) - 1.0));
+    return ivec4(first, last - first + 1);
+}
+
+uint item_count(Triangle t)
+{
+    vec3 n = cross(t.edge_1, t.edge_2);
+    if (!(dot(n, n) > 0.0)) {
+        return 0u;  // no area: it cannot be seen
+    }
+    ivec4 range = column_range(t, dominant_axis(n));
+    return uint((range.z * range.w + COLUMNS_PER_ITEM - 1) / COLUMNS_PER_ITEM);
+}
+
+// Add segment a-b of an outline to (area, moment in x, moment in y).
+void add_segment(inout vec3 sums, vec2 a, vec2 b)
+{
+    float x0 = clamp(a.x, 0.0, 1.0);
+    float x1 = clamp(b.x, 0.0, 1.0);
+    if (x0 == x1) {
+        return;
+    }
+    vec2 d = b - a;
+    float y0 = a.y + (x0 - a.x) / d.x * d.y;
+    float y1 = a.y + (x1 - a.x) / d.x * d.y;
+    float c0 = clamp(y0, 0.0, 1.0);
+    float c1 = clamp(y1, 0.0, 1.0);
+    float inverse = y1 == y0 ? 0.0 : 1.0 / (y1 - y0);
+    float xm = mix(x0, x1, clamp((c0 - y0) * inverse, 0.0, 1.0));  // constant c0 up to here
+    float xn = mix(x0, x1, clamp((c1 - y0) * inverse, 0.0, 1.0));  // constant c1 from here
+    float before = xm - x0;
+    float between = xn - xm;
+    float after = x1 - xn;
+    sums.x += c0 * before + 0.5 * (c0 + c1) * between + c1 * after;
+    sums.y += 0.5 * c0 * before * (xm + x0) + between * (xm * (2.0 * c0 + c1) + xn * (c0 + 2.0 * c1)) / 6.0 +
+              0.5 * c1 * after * (x1 + xn);
+    sums.z += 0.5 * (c0 * c0 * before + c1 * c1 * after) + between * (c0 * c0 + c0 * c1 + c1 * c1) / 6.0;
+}
+
+// Cut edge a-b to 0 <= z < 1, add what is left, and note where it crosses the two planes: points where the outline
+// enters and leaves the strip are joined by the caps.
+void add_edge(inout vec3 sums, vec3 a, vec3 b, inout vec2 low_out, inout vec2 low_in, inout bool low,
+              inout vec2 high_out, inout vec2 high_in, inout bool high)
+{
+    bool a_below = a.z < 0.0, b_below = b.z < 0.0;
+    bool a_above = a.z >= 1.0, b_above = b.z >= 1.0;
+    vec2 start = a.xy, end = b.xy;
+    if (a_below != b_below) {
+        vec2 at = mix(a.xy, b.xy, clamp(a.z / (a.z - b.z), 0.0, 1.0));
+        low = true;
+        if (a_below) {
+            start = low_in = at;
+        } else {
+            end = low_out = at;
+        }
+    }
+    if (a_above != b_above) {
+        vec2 at = mix(a.xy, b.xy, clamp((a.z - 1.0) / (a.z - b.z), 0.0, 1.0));
+        high = true;
+        if (a_above) {
+            start = high_in = at;
+        } else {
+            end = high_out = at;
+        }
+    }
+    if (!(a_below && b_below) && !(a_above && b_above)) {
+        add_segment(sums, start, end);
+    }
+}
+
+// (area, moments) of the part of triangle a b c inside the unit cube, projected along z; the sign of the area is the
+// triangle's orientation.
+vec3 overlap(vec3 a, vec3 b, vec3 c)
+{
+    vec3 sums = vec3(0.0);
+    vec2 low_out = vec2(0.0), low_in = vec2(0.0), high_out = vec2(0.0), high_in = vec2(0.0);
+    bool low = false, high = false;
+    add_edge(sums, a, b, low_out, low_in, low, high_out, high_in, high);
+    add_edge(sums, b, c, low_out, low_in, low, high_out, high_in, high);
+    add_edge(sums, c, a, low_out, low_in, low, high_out, high_in, high);
+    if (low) {
+        add_segment(sums, low_out, low_in);
+    }
+    if (high) {
+        add_segment(sums, high_out, high_in);
+    }
+    return sums;
+}
+
+// Visit the cells of work item `item` of a triangle.
+void visit_cells(uint triangle_index, uint item)
+{
+    Triangle t = fetch_triangle(triangle_index);
+    vec3 n = cross(t.edge_1, t.edge_2);
+    vec3 normal = normalize(n);
+    int axis = dominant_axis(n);
+    ivec4 range = column_range(t, axis);
+    vec3 a = turn(t.corner, axis);
+    vec3 b = turn(t.corner + t.edge_1, axis);
+    vec3 c = turn(t.corner + t.edge_2, axis);
+    vec3 m = turn(n, axis);
+    vec2 slope = -m.xy / m.z;  // of depth over x and y; at most 1 on the dominant axis
+    float z_lo = min(a.z, min(b.z, c.z));
+    float z_hi = max(a.z, max(b.z, c.z));
+    int z_size = turn(grid_size, axis).z;
+    float area_scale = 1.0 / abs(turn(normal, axis).z);
+    int first = int(item) * COLUMNS_PER_ITEM;
+    int last = min(first + COLUMNS_PER_ITEM, range.z * range.w);
+    for (int k = first; k < last; ++k) {
+        ivec2 column = range.xy + ivec2(k % range.z, k / range.z);
+        // Depth of the plane at the column's centre, and how far it can differ within the column.
+        float z_mid = a.z + dot(slope, vec2(column) + 0.5 - a.xy);
+        float z_half = 0.5 * (abs(slope.x) + abs(slope.y)) + 1e-3;
+        int z0 = int(floor(max(z_lo, z_mid - z_half)));
+        int z1 = int(floor(min(z_hi, z_mid + z_half)));
+        for (int z = max(z0, 0); z <= min(z1, z_size - 1); ++z) {
+            vec3 base = vec3(vec2(column), float(z));
+            vec3 sums = overlap(a - base, b - base, c - base);
+            float area = abs(sums.x);
+            if (area > 0.0) {
+                vec2 centre = clamp(sums.yz / sums.x, 0.0, 1.0);
+                vec3 at = vec3(centre + base.xy, 0.0);
+                at.z = clamp(a.z + dot(slope, at.xy - a.xy), base.z, base.z + 1.0);
+                visit_cell(triangle_index, t, turn_back(ivec3(column, z), axis), area * area_scale,
+                           turn_back(at, axis), normal);
+            }
+        }
+    }
+}

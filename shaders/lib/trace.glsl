@@ -1,0 +1,127 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Rays through the voxel grid, exact against the triangles that its cells list. Empty space is crossed in leaps: an
+// empty brick knows how many bricks around it are empty too.
+//
+// The including shader may define
+//     HAS_OPACITY  1: triangles carry an opacity for each cell, and let that share of the rays pass
+
+#include "lib/grid.glsl"
+#include "lib/triangle.glsl"
+
+layout(binding = TEX_BRICK_DISTANCE) uniform usampler3D brick_distance_tex;
+layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
+layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
+#if HAS_OPACITY
+layout(binding = TEX_CELL_OPACITIES) uniform sampler2D cell_opacities_tex;
+#endif
+
+struct Hit {
+    float distance;   // cells; the ray's limit when nothing was hit
+    uint triangle;    // NONE_INDEX: nothing was hit
+    ivec3 cell;       // where it was found
+    vec3 normal;      // unit, geometric, turned against the ray
+};
+
+const float RAY_START = 1e-3;  // cells: how far along the normal a ray starts above the surface it leaves
+
+// The first triangle that the ray meets (or, with `any_hit`, any) among those that rays of kind `ray_mask` see.
+// origin, direction (unit) and limit in grid space. `seed` decides at partly transparent surfaces.
+Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit, uint seed)
+{
+    Hit hit;
+    hit.distance = limit;
+    hit.triangle = NONE_INDEX;
+    hit.cell = ivec3(0);
+    hit.normal = vec3(0.0);
+
+    // Zero components become tiny ones: 1/0 would give NaN where the origin lies on a plane between cells.
+    vec3 d = mix(direction, vec3(1e-12), lessThan(abs(direction), vec3(1e-12)));
+    vec3 inverse = 1.0 / d;
+    vec3 to_lo = (vec3(0.0) - origin) * inverse;
+    vec3 to_hi = (vec3(grid_size) - origin) * inverse;
+    vec3 enter = min(to_lo, to_hi);
+    vec3 leave = max(to_lo, to_hi);
+    float t = max(0.0, max(enter.x, max(enter.y, enter.z)));
+    float t_end = min(limit, min(leave.x, min(leave.y, leave.z)));
+    if (!(t <= t_end)) {
+        return hit;
+    }
+    bvec3 forward = greaterThan(d, vec3(0.0));
+    ivec3 cell = clamp(ivec3(floor(origin + d * t)), ivec3(0), grid_size - 1);
+    vec3 best_cross = vec3(0.0);
+
+    int budget = grid_size.x + grid_size.y + grid_size.z + 8;  // a straight line crosses no more cells
+    for (; budget > 0; --budget) {
+        ivec3 brick = cell / BRICK;
+        int empty = int(texelFetch(brick_distance_tex, brick, 0).r);
+        ivec3 lo = (brick - empty + 1) * BRICK;
+        ivec3 hi = (brick + empty) * BRICK;
+        if (empty == 0) {
+            lo = cell;
+            hi = cell + 1;
+            uint bit = brick_bit(cell);
+            uint word = texelFetch(brick_mask_tex, mask_texel(cell, bit), 0).r;
+            if ((word >> (bit & 31u) & 1u) != 0u) {
+                uvec4 record = texelFetch(cells_tex, list_texel(occupied_cell_index(cell, bit, word)), 0);
+                for (uint k = record.x; k < record.x + record.y; ++k) {
+                    uint index = texelFetch(cell_triangles_tex, list_texel(k), 0).r;
+                    ivec2 at = triangle_texel(index);
+                    uvec4 c0 = texelFetch(triangles_tex, at, 0);
+                    vec3 e1 = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(1, 0), 0).xyz);
+                    vec3 e2 = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(2, 0), 0).xyz);
+                    vec3 p = cross(direction, e2);
+                    float determinant = dot(e1, p);
+                    float f = 1.0 / determinant;
+                    vec3 s = origin - uintBitsToFloat(c0.xyz);
+                    float u = dot(s, p) * f;
+                    vec3 q = cross(s, e1);
+                    float v = dot(direction, q) * f;
+                    float w = dot(e2, q) * f;
+                    bool met = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && w > 0.0 && determinant != 0.0 &&
+                               (c0.w >> 24 & ray_mask) != 0u;
+                    // Equal distances go to the lower index: the order of a cell's list must not show.
+                    if (met && (w < hit.distance || (w == hit.distance && index < hit.triangle))) {
+#if HAS_OPACITY
+                        float opacity = texelFetch(cell_opacities_tex, list_texel(k), 0).r;
+                        // One decision for a triangle and a ray, whichever cell asks.
+                        if (opacity < 1.0 && unit_float(hash(seed, index)) >= opacity) {
+                            continue;
+                        }
+#endif
+                        hit.distance = w;
+                        hit.triangle = index;
+                        hit.cell = cell;
+                        best_cross = cross(e1, e2);
+                        if (any_hit) {
+                            return hit;
+                        }
+                    }
+                }
+            }
+        }
+        vec3 planes = mix(vec3(lo), vec3(hi), forward);
+        vec3 at_plane = (planes - origin) * inverse;
+        float t_exit = min(at_plane.x, min(at_plane.y, at_plane.z));
+        if (hit.distance <= t_exit || t_exit >= t_end) {
+            break;
+        }
+        int axis = at_plane.x == t_exit ? 0 : (at_plane.y == t_exit ? 1 : 2);
+        cell = clamp(ivec3(floor(origin + d * t_exit)), max(lo, ivec3(0)), min(hi, grid_size) - 1);
+        cell[axis] = forward[axis] ? hi[axis] : lo[axis] - 1;
+        if (cell[axis] < 0 || cell[axis] >= grid_size[axis]) {
+            break;
+        }
+    }
+    if (hit.triangle != NONE_INDEX) {
+        vec3 n = normalize(best_cross);
+        hit.normal = dot(n, direction) > 0.0 ? -n : n;
+        hit.cell = clamp(ivec3(floor(origin + direction * hit.distance)), hit.cell - 1, hit.cell + 1);
+    }
+    return hit;
+}
+
+// Whether something stands between origin and a point `limit` cells along direction.
+bool is_blocked(vec3 origin, vec3 direction, float limit, uint seed)
+{
+    return trace(origin, direction, limit, RAY_SHADOW, true, seed).triangle != NONE_INDEX;
+}

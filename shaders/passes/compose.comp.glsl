@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Add one pass to one of the film's sums. OUTPUT says which; see passes/compose.py.
+// Input: surface pictures, direct and indirect light.    Output: sum_img (sum over passes; w: alpha).
+
+#include "lib/pixel.glsl"
+#include "lib/camera.glsl"
+#include "lib/world.glsl"
+
+layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
+
+layout(binding = TEX_EMISSION) uniform sampler2D emission_tex;
+layout(binding = TEX_DIRECT_DIFFUSE) uniform sampler2D direct_diffuse_tex;
+layout(binding = TEX_DIRECT_GLOSSY) uniform sampler2D direct_glossy_tex;
+layout(binding = TEX_INDIRECT_DIFFUSE) uniform sampler2D indirect_diffuse_tex;
+layout(binding = TEX_INDIRECT_GLOSSY) uniform sampler2D indirect_glossy_tex;
+layout(binding = IMG_0, rgba32f) uniform image2D sum_img;
+
+uniform float direct_amount;
+uniform float indirect_amount;
+uniform float specular_amount;
+uniform float exposure;
+uniform bool film_transparent;
+uniform vec3 camera_forward;   // unit, grid space
+uniform vec3 camera_position;  // grid space
+uniform float cell_size;
+uniform vec3 grid_origin_ws;
+uniform bool first_pass;       // depth, normal and position are those of the first pass
+
+vec4 composed(ivec2 at, vec4 before)
+{
+    vec4 position = texelFetch(position_tex, at, 0);
+    bool is_surface = position.w == 1.0;
+    Pixel p = fetch_pixel(at);
+    vec3 emission = position.w > 0.0 ? texelFetch(emission_tex, at, 0).rgb : vec3(0.0);
+    bool holdout = is_surface && texelFetch(f0_tex, at, 0).w > 0.5;
+    vec3 origin, direction;
+    camera_ray(at, origin, direction);
+
+#if OUTPUT == OUTPUT_COMBINED
+    if (holdout) {
+        return before;
+    }
+    if (position.w == 0.0) {
+        return before + (film_transparent ? vec4(0.0) : vec4(world_along(direction) * exposure, 1.0));
+    }
+    vec3 radiance = emission;
+#if HAS_DIRECT
+    radiance += direct_amount * p.diffuse * texelFetch(direct_diffuse_tex, at, 0).rgb;
+#endif
+#if HAS_DIFFUSE
+    radiance += indirect_amount * p.diffuse * texelFetch(indirect_diffuse_tex, at, 0).rgb;
+#endif
+#if HAS_GLOSSY
+#if HAS_DIRECT
+    radiance += specular_amount * direct_amount * texelFetch(direct_glossy_tex, at, 0).rgb;
+#endif
+    radiance += specular_amount * texelFetch(indirect_glossy_tex, at, 0).rgb;
+#endif
+    return before + vec4(radiance * exposure, 1.0);
+#elif OUTPUT == OUTPUT_DIFFUSE_DIRECT
+#if HAS_DIRECT
+    return before + (is_surface ? vec4(direct_amount * texelFetch(direct_diffuse_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
+#endif
+#elif OUTPUT == OUTPUT_DIFFUSE_INDIRECT
+#if HAS_DIFFUSE
+    return before + (is_surface ? vec4(indirect_amount * texelFetch(indirect_diffuse_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
+#endif
+#elif OUTPUT == OUTPUT_DIFFUSE_COLOR
+    return before + (is_surface ? vec4(p.diffuse, 1.0) : vec4(0.0));
+#elif OUTPUT == OUTPUT_GLOSSY_DIRECT
+#if HAS_GLOSSY && HAS_DIRECT
+    return before + (is_surface ? vec4(specular_amount * direct_amount * texelFetch(direct_glossy_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
+#endif
+#elif OUTPUT == OUTPUT_GLOSSY_INDIRECT
+#if HAS_GLOSSY
+    return before + (is_surface ? vec4(specular_amount * texelFetch(indirect_glossy_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
+#endif
+#elif OUTPUT == OUTPUT_GLOSSY_COLOR
+    return before + (is_surface ? vec4(1.0) : vec4(0.0));
+#elif OUTPUT == OUTPUT_EMISSION
+    return before + vec4(emission * exposure, 1.0);
+#elif OUTPUT == OUTPUT_ENVIRONMENT
+    return before + (position.w == 0.0 ? vec4(world_along(direction) * exposure, 1.0) : vec4(0.0));
+#elif OUTPUT == OUTPUT_DEPTH
+    float depth = dot(position.xyz - camera_position, camera_forward) * cell_size;
+    return first_pass ? vec4(position.w > 0.0 ? depth : 1e10) : before;
+#elif OUTPUT == OUTPUT_NORMAL
+    return first_pass ? vec4(is_surface ? p.normal : vec3(0.0), 1.0) : before;
+#elif OUTPUT == OUTPUT_POSITION
+    return first_pass ? vec4(is_surface ? position.xyz * cell_size + grid_origin_ws : vec3(0.0), 1.0) : before;
+#else
+#error "OUTPUT is not one of the film's passes"
+#endif
+    return before;
+}
+
+void main()
+{
+    ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    if (all(lessThan(at, picture_size))) {
+        vec4 sum = composed(at, imageLoad(sum_img, at));
+        imageStore(sum_img, at, vec4(finite_or_zero(sum.rgb), sum.a));
+    }
+}

@@ -1,0 +1,69 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// What is seen at each pixel of one batch of materials: where, which way it faces, what it reflects and emits.
+// Partly transparent surfaces are there for their share of the passes; in the others the pixel is marked, and pass
+// `advance` looks behind.
+// Input: pixel list, seen_img, triangles, materials.    Output: the surface pictures.
+
+#include "lib/geometry.glsl"
+#include "lib/camera.glsl"
+
+layout(local_size_x = GROUP_SIZE) in;
+
+layout(std430, binding = BUF_WORK) readonly buffer Pixels { uint pixels[]; };
+layout(std430, binding = BUF_SUMS) readonly buffer Bins { uint bins[]; };
+layout(binding = IMG_0, r32ui) uniform uimage2D seen_img;
+layout(binding = IMG_1, rgba32f) writeonly uniform image2D position_img;
+layout(binding = IMG_2, rgba16_snorm) writeonly uniform image2D normal_img;
+layout(binding = IMG_3, rgba16f) writeonly uniform image2D diffuse_img;
+layout(binding = IMG_4, rgba16f) writeonly uniform image2D f0_img;
+layout(binding = IMG_5, rgba16f) writeonly uniform image2D f90_img;
+layout(binding = IMG_6, rgba32f) writeonly uniform image2D emission_img;
+
+uniform uint batch;
+uniform uint random_seed;  // of this pass and layer
+
+const uint PENDING = 0x80000000u;
+
+void main()
+{
+    uint index = invocation_index();
+    if (index >= bins[5u * batch + 4u]) {
+        return;
+    }
+    uint packed_pixel = pixels[bins[5u * batch + 3u] + index];
+    ivec2 pixel = ivec2(packed_pixel & 0xFFFFu, packed_pixel >> 16);
+    uint triangle_index = (imageLoad(seen_img, pixel).r & ~PENDING) - 1u;
+    Triangle t = fetch_triangle(triangle_index);
+
+    vec3 origin, direction;
+    camera_ray(pixel, origin, direction);
+    vec2 barycentric;
+    float distance;
+    intersect_plane(t, origin, direction, barycentric, distance);
+    barycentric = clamp(barycentric, 0.0, 1.0);
+    barycentric /= max(1.0, barycentric.x + barycentric.y);
+    vec3 position = t.corner + t.edge_1 * barycentric.x + t.edge_2 * barycentric.y;
+    float footprint = pixel_footprint(length(position - origin), direction);
+    ShadingPoint point = shading_point(t, barycentric, -direction, footprint);
+    Surface s = surface_at(t, point);
+
+    float opacity = 1.0;
+#if HAS_OPACITY
+    opacity = 1.0 - clamp(luminance(s.transparency), 0.0, 1.0);
+    if (opacity < 1.0 && unit_float(hash(packed_pixel, random_seed)) >= opacity) {
+        imageStore(seen_img, pixel, uvec4((triangle_index + 1u) | PENDING));
+        imageStore(position_img, pixel, vec4(position, 1.0));
+        return;
+    }
+    imageStore(seen_img, pixel, uvec4(triangle_index + 1u));
+#endif
+    float inverse = 1.0 / max(opacity, 1e-3);
+    imageStore(position_img, pixel, vec4(position, 1.0));
+    imageStore(normal_img, pixel, vec4(octahedral_encode(normalize(s.normal_ws)),
+                                       octahedral_encode(point.geometric_normal_ws)));
+    imageStore(diffuse_img, pixel, vec4(s.diffuse * inverse, s.roughness));
+    float holdout = (t.flags & TRIANGLE_HOLDOUT) != 0u ? 1.0 : 0.0;
+    imageStore(f0_img, pixel, vec4(s.specular_f0 * inverse, holdout));
+    imageStore(f90_img, pixel, vec4(s.specular_f90 * inverse, 0.0));
+    imageStore(emission_img, pixel, vec4(s.emission * inverse, 0.0));
+}

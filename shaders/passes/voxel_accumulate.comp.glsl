@@ -1,0 +1,111 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Sum what surfaces bring to the faces of every cell, and list the cell's triangles.
+// A surface of area A and normal n counts for facing d with weight A max(0, n.d); a sheet has two sides and so counts
+// for the facings of -n as well. Sums are integers: the order of threads cannot show.
+// Input: work items of one batch, triangles, materials.    Output: sums of faces, triangles of cells.
+
+#include "lib/overlap.glsl"
+#include "lib/geometry.glsl"
+#include "lib/closure.glsl"
+
+layout(local_size_x = GROUP_SIZE) in;
+
+layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
+layout(std430, binding = BUF_WORK) readonly buffer Work { uvec2 work[]; };
+layout(std430, binding = BUF_SUMS) buffer Sums { uint sums[]; };
+layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };
+layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
+#if HAS_OPACITY
+layout(binding = IMG_1, r8) writeonly uniform image2D cell_opacity_img;
+#endif
+
+uniform uint work_first;
+uniform uint work_count;
+uniform uint sum_words;  // of one face
+
+// Rounds up or down at random, right on average: what is smaller than the unit is not lost. The random number depends
+// on triangle and cell alone.
+uint fixed_point(float value, uint random)
+{
+    float scaled = clamp(value * FIXED_ONE, 0.0, 4.0e9);
+    return uint(floor(scaled)) + (unit_float(random) < fract(scaled) ? 1u : 0u);
+}
+
+uint fixed_point_signed(float value, uint random)
+{
+    uint magnitude = fixed_point(abs(value), random);
+    return value < 0.0 ? 0u - magnitude : magnitude;
+}
+
+void add_64(uint at, float value)
+{
+    // 32.32: the low word's carry is known from what was there before, so this sum does not depend on order either.
+    value = clamp(value, 0.0, 4.0e9);
+    float whole = floor(value);
+    uint low = uint(min((value - whole) * 4294967296.0, 4294967040.0));
+    uint before = atomicAdd(sums[at], low);
+    uint carry = before + low < before ? 1u : 0u;
+    atomicAdd(sums[at + 1u], uint(whole) + carry);
+}
+
+void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal)
+{
+    uint index = cell_index(cell);
+    if (index == NONE_INDEX) {
+        return;
+    }
+    vec2 barycentric;
+    float distance;
+    intersect_plane(triangle, centre_grid + normal, -normal, barycentric, distance);
+    barycentric = max(barycentric, 0.0);
+    barycentric /= max(1.0, barycentric.x + barycentric.y);
+    ShadingPoint point = shading_point(triangle, barycentric, normal, sqrt(area));
+    Surface surface = surface_at(triangle, point);
+    float opacity = 1.0 - clamp(luminance(surface.transparency), 0.0, 1.0);
+
+    uint slot = atomicAdd(cursors[index * 2u], 1u);
+    imageStore(cell_triangle_img, list_texel(slot), uvec4(triangle_index));
+#if HAS_OPACITY
+    imageStore(cell_opacity_img, list_texel(slot), vec4(opacity));
+    area *= opacity;
+#endif
+
+    uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
+    // As a Lambertian: the specular part by what it reflects at 60 degrees, about its mean over the hemisphere.
+    vec3 reflectance = surface.diffuse + specular_directional_albedo(surface.specular_f0, surface.specular_f90,
+                                                                     surface.roughness, 0.5);
+    reflectance = min(reflectance / max(opacity, 1e-3), 1.0);
+    vec3 inside = clamp(centre_grid - vec3(cell), 0.0, 1.0);
+    uint seed = hash(triangle_index, hash(uint(cell.x) | uint(cell.y) << 11, uint(cell.z)));
+    for (uint side = 0u; side < 2u; ++side) {
+        vec3 n = side == 0u ? normal : -normal;
+        for (int axis = 0; axis < 3; ++axis) {
+            float weight = area * abs(n[axis]);
+            if (weight == 0.0) {
+                continue;
+            }
+            uint facing = uint(2 * axis) + (n[axis] < 0.0 ? 1u : 0u);
+            uint at = face_index(record, facing) * sum_words;
+            uint random = hash(seed + facing);
+            atomicAdd(sums[at], fixed_point(weight, random));
+            for (uint k = 0u; k < 3u; ++k) {
+                random = hash(random);
+                atomicAdd(sums[at + 1u + k], fixed_point(weight * reflectance[k], random));
+                atomicAdd(sums[at + 4u + k], fixed_point_signed(weight * n[k], random >> 3));
+                atomicAdd(sums[at + 7u + k], fixed_point(weight * inside[k], random << 5));
+#if HAS_EMISSION
+                add_64(at + FACE_SUM_WORDS + 2u * k, weight * surface.emission[k] / max(opacity, 1e-3));
+#endif
+            }
+        }
+    }
+}
+
+void main()
+{
+    uint index = invocation_index();
+    if (index < work_count) {
+        uvec2 item = work[work_first + index];
+        visit_cells(item.x, item.y);
+    }
+}
