@@ -184,7 +184,7 @@ def choose_python() -> tuple[str, str]:
         if version is None:
             fail(f"CONELIGHT_PYTHON is '{forced}', which does not run as a Python; set it to {NEEDED_PYTHON}.")
         if version not in BLENDER_OF_PYTHON:
-            fail(f"CONELIGHT_PYTHON is Python {version}, which no Blender module is built for; set it to {NEEDED_PYTHON}.")
+            fail(f"CONELIGHT_PYTHON is Python {version}, which no Blender is built for; set it to {NEEDED_PYTHON}.")
         return shutil.which(forced) or forced, version
     running = running_version()
     if running in BLENDER_OF_PYTHON:

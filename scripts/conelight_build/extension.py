@@ -108,7 +108,7 @@ def version() -> str:
     with open(os.path.join(ROOT, "pyproject.toml"), "rb") as file:
         project = tomllib.load(file)["project"]["version"]
     if shipped != project:
-        raise BuildError(f"addon/blender_manifest.toml has version {shipped}, pyproject.toml {project}: make them equal")
+        raise BuildError(f"addon/blender_manifest.toml has version {shipped}, pyproject.toml {project}; make them one")
     return str(shipped)
 
 

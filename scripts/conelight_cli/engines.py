@@ -90,7 +90,7 @@ class Conelight:
     @contextlib.contextmanager
     def progress_to(self, listener: Listener) -> Iterator[None]:
         self._session.last_error = None
-        self._session.last_statistics = None
+        self._session.last_statistics = {}
         self._session.progress_listener = listener
         try:
             yield
@@ -100,7 +100,7 @@ class Conelight:
     def frame_statistics(self, cpu_ms: float) -> dict[str, Any]:
         if self._session.last_error:
             raise CommandError(self._session.last_error)
-        if self._session.last_statistics is None:
+        if not self._session.last_statistics:
             raise CommandError(f"the engine ended without a picture; {VERBOSE_VARIABLE}=1 shows what it printed")
         return dict(self._session.last_statistics)
 
