@@ -297,8 +297,8 @@ def set_up(python: str, version: str) -> None:
 
 
 def clean_environ() -> dict[str, str]:
-    """The environment variables for a process in the environment: nothing in them brings in other packages."""
-    unwanted = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "__PYVENV_LAUNCHER__")
+    """The environment variables for a process in the environment: nothing in them brings in others' packages."""
+    unwanted = ("PYTHONPATH", "PYTHONHOME", "PYTHONSTARTUP", "__PYVENV_LAUNCHER__", "CONELIGHT_PYTHON")
     return {**{name: value for name, value in os.environ.items() if name not in unwanted}, "PYTHONNOUSERSITE": "1"}
 
 

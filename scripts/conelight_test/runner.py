@@ -99,6 +99,7 @@ def execute(run: Run, python: str, options: Sequence[str]) -> Totals:
         environ = {
             **_bootstrap.clean_environ(), **run.environ,
             "BLENDER_USER_RESOURCES": os.path.join(folder, "blender"), "PYTHONUNBUFFERED": "1",
+            "CONELIGHT_TRACEBACK": "",  # tests look at what users see
         }
         os.mkdir(environ["BLENDER_USER_RESOURCES"])
         try:
