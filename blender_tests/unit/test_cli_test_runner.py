@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""scripts/test: what runs where, and that nothing that goes wrong is counted as passed."""
+
+from __future__ import annotations
+
+import pathlib
+import sys
+
+import pytest
+from conelight_test import runner
+
+
+@pytest.fixture
+def tests(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib.Path:
+    """A folder of tests of every group."""
+    folder = tmp_path / "blender_tests"
+    for name in ("unit/test_a.py", "unit/test_b.py", "passes/test_c.py", "renders/test_d.py", "renders/test_e.py"):
+        file = folder / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("def test_it(): pass\n")
+    monkeypatch.setattr(runner, "ROOT", str(tmp_path))
+    monkeypatch.setattr(runner, "TESTS", str(folder))
+    return folder
+
+
+def test_each_file_of_renders_has_its_process(tests: pathlib.Path) -> None:
+    assert [run.targets for run in runner.plan([], False)] == [
+        ("blender_tests/unit/test_a.py", "blender_tests/unit/test_b.py"), ("blender_tests/passes/test_c.py",),
+        ("blender_tests/renders/test_d.py",), ("blender_tests/renders/test_e.py",),
+    ]
+
+
+def test_pass_tests_run_again_on_the_second_driver(tests: pathlib.Path) -> None:
+    runs = [run for run in runner.plan([], True) if run.targets == ("blender_tests/passes/test_c.py",)]
+    assert [run.environ for run in runs] == [{}, runner.ZINK]
+
+
+def test_targets_are_told_from_options(tests: pathlib.Path) -> None:
+    one = str(tests / "renders" / "test_d.py") + "::test_it"
+    assert runner.split([one, "-k", "word", "-x"]) == ([one], ["-k", "word", "-x"])
+    assert [run.targets for run in runner.plan([one], False)] == [("blender_tests/renders/test_d.py::test_it",)]
+
+
+@pytest.mark.parametrize(
+    "text, line, status",
+    [
+        ("def test_it(): pass", "1 passed, 0 failed, 0 skipped", 0),
+        ("def test_it(): assert 0", "0 passed, 1 failed, 0 skipped", 1),
+        ("def test_it(no_such_fixture): pass", "0 passed, 1 failed, 0 skipped", 1),
+        ("import pytest\ndef test_it(): pytest.skip('why')", "0 passed, 0 failed, 1 skipped", 1),
+        ("raise RuntimeError", "0 passed, 1 failed, 0 skipped", 1),
+        ("import os\ndef test_it(): os.abort()", "0 passed, 1 failed, 0 skipped", 1),
+        ("nothing = 1", "0 passed, 0 failed, 0 skipped", 1),
+    ],
+)
+def test_what_happens_is_counted(tests: pathlib.Path, text: str, line: str, status: int) -> None:
+    file = tests / "unit" / "test_a.py"
+    file.write_text(text + "\n")
+    totals = runner.execute(runner.Run("one", (str(file),)), sys.executable, ["-q", "-p", "no:cacheprovider"])
+    assert totals.line() == line
+    assert totals.status() == status

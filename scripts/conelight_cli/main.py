@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""From a checked command line to pictures: the steps of ``scripts/render``, inside the environment."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+import traceback
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from . import process
+from .arguments import Arguments, frame_path
+from .console import VERBOSE_VARIABLE, Progress, is_verbose, only_our_messages, say
+from .errors import FAILED, USAGE, CommandError, reason
+
+if TYPE_CHECKING:
+    from .engines import Choices, Engine
+
+
+def main(arguments: Arguments) -> NoReturn:
+    """Renders, says what went wrong if something did, and ends the process."""
+    process.end_on_signals()
+    sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
+    try:
+        process.isolate_blender()
+        if arguments.list_settings:
+            from . import settings_table
+
+            print(settings_table.as_text())
+        else:
+            render(arguments)
+        status = 0
+    except CommandError as error:
+        say(f"render: {error}")
+        status = error.status
+    except Exception as error:  # a defect here or in the engine: still a sentence and not a traceback
+        say(f"render: '{arguments.scene}' could not be rendered: {reason(error)} ({type(error).__name__}); "
+            f"{VERBOSE_VARIABLE}=1 shows where")
+        if is_verbose():
+            traceback.print_exc()
+        status = FAILED
+    process.leave(status)
+
+
+def render(arguments: Arguments) -> None:
+    """Renders and writes everything that was asked for. Raises CommandError."""
+    started = time.perf_counter()
+    for path, what in output_files(arguments):
+        from .output import check_writable
+
+        check_writable(path, what)
+    if not os.path.isfile(arguments.scene):
+        raise CommandError(f"scene file '{arguments.scene}' does not exist")
+    with only_our_messages():
+        choices = checked_choices(arguments)
+        scene, engine, warnings = prepare(arguments, choices)
+        frames: list[dict[str, Any]] = []
+        first_frame_ms = 0.0
+        first, last = arguments.frames or (scene.frame_current, scene.frame_current)
+        progress = Progress(last - first + 1)
+        for frame in range(first, last + 1):
+            path = frame_path(arguments.output, frame) if arguments.frames else arguments.output
+            if arguments.frames:
+                scene.frame_set(frame)
+            frames.append(render_frame(scene, engine, path, progress))
+            first_frame_ms = first_frame_ms or (time.perf_counter() - started) * 1000.0
+            for text in frames[-1].get("warnings", ()):
+                if text not in warnings:
+                    warnings.append(text)
+                    say(text)
+        progress.close()
+        if arguments.stats:
+            write_statistics(arguments, scene, frames, started, first_frame_ms, warnings)
+
+
+def output_files(arguments: Arguments) -> list[tuple[str, str]]:
+    """Files that will be written, each with what it is."""
+    files = [(arguments.output, "output")]
+    return [*files, (arguments.stats, "statistics")] if arguments.stats else files
+
+
+def checked_choices(arguments: Arguments) -> Choices:
+    """Settings of the command line. Raises CommandError with status 2 for one that is unknown or out of range."""
+    from .engines import Choices
+
+    try:
+        return Choices(
+            arguments.preset, arguments.samples, arguments.voxels, arguments.time_limit, arguments.assignments,
+        )
+    except ValueError as error:
+        raise CommandError(str(error), USAGE) from error
+
+
+def prepare(arguments: Arguments, choices: Choices) -> tuple[Any, Engine, list[str]]:
+    """The scene, ready to render, its engine, and what was said to the user about it."""
+    from . import engines, framing, lighting, output
+    from . import scene as scene_files
+
+    engine = engines.create(arguments.engine, choices)
+    scene = scene_files.load(arguments.scene)
+    messages: list[str] = []
+    if arguments.resolution:
+        scene.render.resolution_x, scene.render.resolution_y = arguments.resolution
+        scene.render.resolution_percentage = 100
+    scene.render.use_sequencer = False
+    choose_view_layer(scene, arguments)
+    messages += engine.prepare(scene)
+    messages += choose_camera(scene, arguments, framing)
+    if not lighting.has_light(scene):
+        lighting.add_neutral_world(scene)
+        messages.append(f"'{arguments.scene}' has no light: a neutral white world of strength 1 lights it")
+    output.choose_format(scene, arguments.output, arguments.passes)
+    if arguments.passes:
+        output.enable_passes(scene)
+    for text in messages:
+        say(text)
+    return scene, engine, messages
+
+
+def choose_view_layer(scene: Any, arguments: Arguments) -> None:
+    """Leaves only the view layer that was asked for. Raises CommandError if there is none of that name."""
+    if arguments.view_layer is None:
+        return
+    names = [layer.name for layer in scene.view_layers]
+    if arguments.view_layer not in names:
+        known = ", ".join(names)
+        raise CommandError(f"'{arguments.scene}' has no view layer '{arguments.view_layer}'; it has: {known}")
+    for layer in scene.view_layers:
+        layer.use = layer.name == arguments.view_layer
+
+
+def choose_camera(scene: Any, arguments: Arguments, framing: Any) -> list[str]:
+    """Sets the scene's camera: the one asked for, its own, its first, or a new one. Returns what the user must know."""
+    cameras = {thing.name: thing for thing in scene.objects if thing.type == "CAMERA"}
+    if arguments.camera is not None:
+        if arguments.camera not in cameras:
+            known = f"it has: {', '.join(cameras)}" if cameras else "it has none"
+            raise CommandError(f"'{arguments.scene}' has no camera '{arguments.camera}'; {known}")
+        scene.camera = cameras[arguments.camera]
+        for marker in scene.timeline_markers:
+            marker.camera = None  # markers would switch back to another camera
+        return []
+    if scene.camera is not None:
+        return []
+    if cameras:
+        name, scene.camera = next(iter(cameras.items()))
+        return [f"'{arguments.scene}' has no active camera: its camera '{name}' is used"]
+    view = framing.add_camera(scene)
+    if view is None:
+        return [f"'{arguments.scene}' has nothing to show: the picture shows the world alone"]
+    where = "one inside the room" if view.is_inside else "one that frames everything"
+    return [f"'{arguments.scene}' has no camera: {where} is used"]
+
+
+def render_frame(scene: Any, engine: Engine, path: str, progress: Progress) -> dict[str, Any]:
+    """Renders the current frame into a file and returns the engine's statistics. Raises CommandError."""
+    import bpy
+
+    from .engines import cpu_milliseconds
+    from .output import replacing
+
+    before = cpu_milliseconds()
+    try:
+        with engine.progress_to(progress.update):
+            bpy.ops.render.render(scene=scene.name)
+    except RuntimeError as error:
+        engine.frame_statistics(0.0)  # raises what the engine itself says about it
+        raise CommandError(f"frame {scene.frame_current} could not be rendered: {reason(error)}") from error
+    # Blender may only be asked to write what is there: it crashes when an engine failed before it began a result.
+    statistics = engine.frame_statistics(cpu_milliseconds() - before)
+    with replacing(path, "output") as temporary:
+        try:
+            bpy.data.images["Render Result"].save_render(temporary, scene=scene)
+        except (KeyError, RuntimeError) as error:
+            raise CommandError(f"output '{path}' could not be written: {reason(error)}") from error
+        if not os.path.exists(temporary):
+            raise CommandError(f"output '{path}' was not written; {VERBOSE_VARIABLE}=1 shows what Blender printed")
+    progress.end_frame()
+    say(f"wrote {path}")
+    return statistics
+
+
+def write_statistics(
+    arguments: Arguments, scene: Any, frames: list[dict[str, Any]], started: float, first_frame_ms: float,
+    warnings: list[str],
+) -> None:
+    """Writes the file of ``--stats``."""
+    import bpy
+
+    from . import statistics
+    from .output import write_json
+
+    assert arguments.stats is not None
+    render = scene.render
+    scale = render.resolution_percentage / 100.0
+    content = statistics.report(
+        frames,
+        blender=bpy.app.version_string,
+        renderer=arguments.engine,
+        resolution=(int(render.resolution_x * scale), int(render.resolution_y * scale)),
+        wall_ms=(time.perf_counter() - started) * 1000.0,
+        first_frame_ms=first_frame_ms,
+        warnings=warnings,
+    )
+    write_json(arguments.stats, content)

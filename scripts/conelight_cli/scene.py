@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Loads a scene file into Blender, whichever of the known formats it has."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import bpy
+
+from .errors import CommandError, reason
+
+
+def load(path: str) -> Any:
+    """The scene (``bpy.types.Scene``) of a file. Raises CommandError for a file that is missing or cannot be read."""
+    if not os.path.isfile(path):
+        raise CommandError(f"scene file '{path}' does not exist")
+    if not os.access(path, os.R_OK):
+        raise CommandError(f"scene file '{path}' may not be read by this user")
+    full = os.path.abspath(path)
+    extension = os.path.splitext(path)[1].lower()
+    try:
+        if extension == ".blend":
+            bpy.ops.wm.open_mainfile(filepath=full, load_ui=False, use_scripts=False)
+        else:
+            _import_into_empty_scene(full, extension)
+    except RuntimeError as error:
+        raise CommandError(f"scene file '{path}' could not be read: {reason(error)}") from error
+    scene = bpy.context.scene
+    if scene is None:
+        raise CommandError(f"scene file '{path}' holds no scene")
+    if extension != ".blend" and not scene.objects:
+        raise CommandError(f"scene file '{path}' holds no objects, or is damaged")
+    return scene
+
+
+def _import_into_empty_scene(path: str, extension: str) -> None:
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    if extension in (".glb", ".gltf"):
+        bpy.ops.import_scene.gltf(filepath=path)
+    elif extension == ".obj":
+        bpy.ops.wm.obj_import(filepath=path)
+    else:
+        bpy.ops.wm.usd_import(filepath=path)
