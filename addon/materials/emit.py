@@ -58,7 +58,6 @@ class Emitter:
     color_layers: list[str | None] = field(default_factory=list)
     textures: list[tuple[ImageData, str, str]] = field(default_factory=list)  # image, extension, interpolation
     leaves: set[str] = field(default_factory=set)
-    operations: set[str] = field(default_factory=set)
     _names: dict[int, str] = field(default_factory=dict)  # id(expr) -> GLSL
     _by_key: dict[Any, str] = field(default_factory=dict)
     _constants: list[tuple[str, npt.NDArray[np.float64]]] = field(default_factory=list)
@@ -123,7 +122,6 @@ class Emitter:
 
     def _operation(self, expr: Expr, args: list[str]) -> str:
         spec = OPERATIONS[expr.kind]
-        self.operations.add(expr.kind)
         types = [arg.type for arg in expr.args]
         if spec.is_scalar and expr.type != FLOAT:
             parts = [

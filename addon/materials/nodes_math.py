@@ -27,7 +27,6 @@ from .expression import (
     operation,
     power,
     select,
-    splat,
     sqrt,
     vec3,
 )  # fmt: skip
@@ -287,7 +286,3 @@ def normal_node(reader: GraphReader, node: Node, output: str) -> Expr:
 def squeeze(reader: GraphReader, node: Node, output: str) -> Expr:
     value, width, center = (reader.number(node, name) for name in ("Value", "Width", "Center"))
     return 1.0 / (1.0 + power(2.71828183, -((value - center) * width)))
-
-
-def as_vector(expr: Expr) -> Expr:
-    return splat(expr)

@@ -23,6 +23,7 @@ from addon.materials.graph import (
 from addon.materials.nodes_color import BLEND, hsl_to_rgb, hsv_to_rgb, rgb_to_hsl, rgb_to_hsv
 from addon.materials.nodes_math import MATH, VECTOR_MATH
 from addon.materials.operations import specular_scale_bias
+from addon.materials.shaders import mean_albedo, with_energy
 from blender_tests.material_shader import check_glsl, compute_shader, material, node
 
 
@@ -166,6 +167,22 @@ def test_fit_of_specular_albedo(cosine: float, roughness: float) -> None:
     expected = integrated_scale_bias(cosine, roughness)
     assert scale + bias == pytest.approx(sum(expected), abs=0.012)
     assert bias == pytest.approx(expected[1], abs=0.012)
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.6, 1.0])
+def test_mean_albedo(roughness: float) -> None:
+    """2 times the integral of albedo times cosine, by the midpoint rule."""
+    cosines = (np.arange(40) + 0.5) / 40
+    expected = np.mean([2 * c * sum(integrated_scale_bias(c, roughness)) for c in cosines])
+    assert float(mean_albedo(constant(roughness)).value) == pytest.approx(expected, abs=0.005)
+
+
+def test_white_metal_reflects_all() -> None:
+    """A lobe that absorbs nothing and keeps its energy reflects everything, however rough."""
+    white = constant((1.0, 1.0, 1.0))
+    for roughness in (0.2, 0.6, 1.0):
+        *_, albedo = with_energy(white, white, constant(roughness), constant(0.7), True)
+        assert value_of(albedo) == pytest.approx([1.0, 1.0, 1.0], abs=1e-4)
 
 
 def value_of(expr: object) -> list[float]:

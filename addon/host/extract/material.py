@@ -23,6 +23,8 @@ TABLE_SIZE = 256
 #: Properties of nodes that say nothing of the picture.
 _IGNORED = frozenset(p.identifier for p in bpy.types.ShaderNode.bl_rna.properties)
 
+RampTable = tuple[tuple[float, tuple[float, float, float, float]], ...]
+
 _PLAIN_KINDS = ("VALUE", "INT", "BOOLEAN", "VECTOR", "RGBA", "ROTATION")
 
 
@@ -81,6 +83,11 @@ def _tree(owner: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree | N
 def _rgb(color: Iterable[float]) -> tuple[float, float, float]:
     r, g, b = list(color)[:3]
     return float(r), float(g), float(b)
+
+
+def _rgba(color: Iterable[float]) -> tuple[float, float, float, float]:
+    r, g, b, a = color
+    return float(r), float(g), float(b), float(a)
 
 
 # --- following links --------------------
@@ -268,26 +275,27 @@ def _properties(node: bpy.types.Node) -> dict[str, Any]:
             if isinstance(value, bpy.types.ID) and name != "image":
                 values[name] = value.name
         elif prop.type in ("FLOAT", "INT", "BOOLEAN") and getattr(prop, "is_array", False):
-            values[name] = tuple(value)
+            values[name] = tuple(value or ())
         elif prop.type in ("ENUM", "BOOLEAN", "INT", "FLOAT", "STRING") and isinstance(value, bool | int | float | str):
             values[name] = value
     return values
 
 
-def _ramp(ramp: bpy.types.ColorRamp) -> tuple[tuple[float, tuple[float, float, float, float]], ...]:
+def _ramp(ramp: bpy.types.ColorRamp) -> RampTable:
     """The stops of a ramp of lines or steps; of any other a table."""
     if ramp.color_mode == "RGB" and ramp.interpolation in ("LINEAR", "CONSTANT"):
-        return tuple((float(stop.position), tuple(map(float, stop.color))) for stop in ramp.elements)
+        return tuple((float(stop.position), _rgba(stop.color)) for stop in ramp.elements)
     positions = np.linspace(0.0, 1.0, TABLE_SIZE)
-    return tuple((float(p), tuple(map(float, ramp.evaluate(float(p))))) for p in positions)
+    return tuple((float(p), _rgba(ramp.evaluate(float(p)))) for p in positions)
 
 
-def _curves(mapping: bpy.types.CurveMapping) -> tuple[tuple[float, tuple[float, float, float, float]], ...]:
+def _curves(mapping: bpy.types.CurveMapping) -> RampTable:
     """What RGB curves make of 0..1 in each channel: the combined curve first, then the channel's own."""
     mapping.initialize()
     red, green, blue, combined = mapping.curves
     table = []
     for position in np.linspace(0.0, 1.0, TABLE_SIZE):
         value = mapping.evaluate(combined, float(position))
-        table.append((float(position), tuple(float(mapping.evaluate(c, value)) for c in (red, green, blue)) + (1.0,)))
+        channels = [mapping.evaluate(curve, value) for curve in (red, green, blue)]
+        table.append((float(position), _rgba([*channels, 1.0])))
     return tuple(table)
