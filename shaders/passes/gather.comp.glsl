@@ -113,8 +113,7 @@ void main()
             if (n_l > 0.0 && dot(direction, p.geometric_normal) > 0.0) {
                 float n_v = view_t.z;
                 vec3 weight = fresnel(p.f0, p.f90, max(dot(view, half_vector), 0.0)) *
-                              (ggx_masking(n_l, n_v, alpha) / ggx_masking_view(n_v, alpha)) *
-                              multiple_scattering(p.f0, alpha, n_v);
+                              (ggx_masking(n_l, n_v, alpha) / ggx_masking_view(n_v, alpha));
                 vec3 radiance = incoming(origin, direction, RAY_GLOSSY, hash(seed, 3u + sample_index), distance);
                 for (uint k = 0u; k < light_count; ++k) {
                     float light_distance;
