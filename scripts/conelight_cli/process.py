@@ -34,7 +34,7 @@ def leave(status: int) -> NoReturn:
 def isolate_blender() -> None:
     """Gives Blender an empty folder for everything of the user's, and for its temporary files.
 
-    Must come before ``import bpy``. The folder is removed by :func:`leave`; Blender itself does not get to tidy up then.
+    Must come before ``import bpy``. :func:`leave` removes the folder, as Blender does not get to tidy up then.
     """
     for name in [name for name in os.environ if name.startswith(("BLENDER_USER_", "BLENDER_SYSTEM_"))]:
         del os.environ[name]
