@@ -7,7 +7,7 @@ import contextlib
 import sys
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import moderngl
@@ -36,7 +36,8 @@ class Kernel:
 
     shader: moderngl.ComputeShader
     source: Source
-    uniforms: frozenset[str] = field(default_factory=frozenset)
+    gpu: GpuContext
+    is_cold: bool = True  # drivers finish compiling when a program first runs
 
     def set(self, **values: Any) -> Kernel:
         """Set uniforms. One that the compiler dropped is ignored; one that the source never had raises KeyError."""
@@ -53,12 +54,29 @@ class Kernel:
         groups = -(-count // interface.GROUP_SIZE)
         if groups:
             columns = min(groups, 32768)
-            self.shader.run(columns, -(-groups // columns), 1)
+            self.run_groups(columns, -(-groups // columns), 1)
 
     def run_tiles(self, width: int, height: int) -> None:
         """Run one thread for each pixel of a picture or of a part of it."""
         tile = interface.TILE_SIZE
-        self.shader.run(-(-width // tile), -(-height // tile), 1)
+        self.run_groups(-(-width // tile), -(-height // tile), 1)
+
+    def run_groups(self, x: int, y: int, z: int) -> None:
+        """Run this many work groups."""
+        self._warm_up()
+        self.shader.run(x, y, z)
+
+    def run_indirect(self, arguments: moderngl.Buffer, offset: int) -> None:
+        """Run as many work groups as three numbers at ``offset`` of a buffer say."""
+        self._warm_up()
+        self.shader.run_indirect(arguments, offset)
+
+    def _warm_up(self) -> None:
+        """An empty dispatch with everything bound, so that compiling is not counted as the pass's own time."""
+        if self.is_cold:
+            self.is_cold = False
+            with self.gpu.timed("compile"):
+                self.shader.run_indirect(self.gpu.no_groups, 0)
 
 
 class GpuContext:
@@ -72,6 +90,7 @@ class GpuContext:
         self.owned = owned
         self.memory: dict[str, int] = {}
         self.times: dict[str, PassTime] = {}
+        self._inner_times: list[list[float]] = []
         self._kernels: dict[tuple, Kernel] = {}
         self._programs: dict[tuple, moderngl.Program] = {}
         self._objects: dict[int, tuple[str, Any, int]] = {}
@@ -82,6 +101,7 @@ class GpuContext:
                 f"{mgl.version_code // 100}.{mgl.version_code // 10 % 10}: update the driver or use another device"
             )
         mgl.error  # noqa: B018 - reading clears an error that was there before us
+        self.no_groups = mgl.buffer(bytes(12))  # arguments of an indirect dispatch of nothing
 
     # Contexts ---------------------------------------------------------------------------------------------------
 
@@ -134,10 +154,11 @@ class GpuContext:
         if key not in self._kernels:
             source = resolve(f"passes/{name}.comp.glsl", defines, texts)
             try:
-                shader = self.mgl.compute_shader(source.text)
+                with self.timed("compile"):
+                    shader = self.mgl.compute_shader(source.text)
             except Exception as error:
                 raise ShaderError(_shader_message(source, defines, error)) from error
-            self._kernels[key] = Kernel(shader, source)
+            self._kernels[key] = Kernel(shader, source, self)
         return self._kernels[key]
 
     def program(
@@ -249,6 +270,7 @@ class GpuContext:
             program.release()
         self._kernels.clear()
         self._programs.clear()
+        self.no_groups.release()
         if self.owned:
             self.mgl.release()
 
@@ -267,18 +289,29 @@ class GpuContext:
 
     @contextlib.contextmanager
     def timed(self, name: str) -> Iterator[None]:
-        """Count time under ``name``. Process CPU time, as software GL works on other threads; waits for the GPU."""
+        """Count time under ``name``. Process CPU time, as software GL works on other threads; waits for the GPU.
+
+        Time that an inner ``timed`` counts is not counted again outside it.
+        """
         self.mgl.finish()
+        self._inner_times.append([0.0, 0.0])
         cpu, wall = time.process_time(), time.perf_counter()
-        yield
-        self.mgl.finish()
-        entry = self.times.setdefault(name, PassTime())
-        entry.calls += 1
-        entry.cpu_ms += (time.process_time() - cpu) * 1e3
-        entry.gpu_ms += (time.perf_counter() - wall) * 1e3
+        try:
+            yield
+        finally:
+            self.mgl.finish()
+            cpu, wall = (time.process_time() - cpu) * 1e3, (time.perf_counter() - wall) * 1e3
+            inner = self._inner_times.pop()
+            entry = self.times.setdefault(name, PassTime())
+            entry.calls += 1
+            entry.cpu_ms += cpu - inner[0]
+            entry.gpu_ms += wall - inner[1]
+            if self._inner_times:
+                self._inner_times[-1][0] += cpu
+                self._inner_times[-1][1] += wall
 
 
-_BYTES = {"f1": 1, "f2": 2, "f4": 4, "u1": 1, "u2": 2, "u4": 4, "i4": 4, "ni2": 2}
+_BYTES = {"f1": 1, "f2": 2, "f4": 4, "u1": 1, "u2": 2, "u4": 4, "i4": 4, "nu2": 2}
 
 
 def _shader_message(source: Source, defines: Mapping[str, object], error: Exception) -> str:

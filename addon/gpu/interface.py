@@ -27,8 +27,8 @@ BRICK = 4
 
 #: Fixed-point unit of the sums of voxelization: 16.16, so that sums are integers and do not depend on order.
 FIXED_ONE = 65536
-#: 32-bit words of one face's sums: weight, reflectance x3, normal x3, position x3.
-FACE_SUM_WORDS = 10
+#: 32-bit words of one face's sums: weight, reflectance x3, position x3.
+FACE_SUM_WORDS = 7
 #: Emission has no bound: each channel is a 64-bit sum, 32.32 (low word first).
 EMISSION_SUM_WORDS = 6
 
@@ -62,7 +62,7 @@ TEXTURES = (
     "TEX_WORLD",  # rgba32f 2D: radiance of the world, equirectangular
     "TEX_CONES",  # rgba16f 3D: six facings side by side in z, with coarser levels
     "TEX_POSITION",  # rgba32f 2D, pixels: grid space; w: 0 nothing there, 1 a surface, 2 a light
-    "TEX_NORMAL",  # rgba16snorm 2D, pixels: shading and geometric normal, octahedral
+    "TEX_NORMAL",  # rgba16 2D, pixels: shading and geometric normal, octahedral, mapped to 0..1
     "TEX_DIFFUSE",  # rgba16f 2D, pixels: diffuse reflectance, roughness
     "TEX_F0",  # rgba16f 2D, pixels: specular reflectance at normal incidence; w: 1 for holdouts
     "TEX_F90",  # rgba16f 2D, pixels: and at grazing incidence
@@ -171,7 +171,7 @@ FACE = Struct(
     (
         ("position_grid", "vec3", "a point on the surface that the face stands for"),
         ("weight", "float", "area facing this way, in cell sides"),
-        ("normal", "vec3", "unit mean normal"),
+        ("normal", "vec3", "unit normal of the surface there"),
         ("key", "uint", "cell and facing, the same on every run: seeds the face's random numbers"),
         ("reflectance", "vec3", "diffuse and specular together, as a Lambertian"),
         ("cell", "uint", "index of its occupied cell"),

@@ -36,7 +36,10 @@ REC709_FROM_XYZ = np.array(
 
 
 def blackbody_rgb(kelvin: float) -> npt.NDArray[np.float64]:
-    """(3,) linear Rec.709 of luminance 1; ``kelvin`` is clamped to Blender's range. Out-of-gamut blue is 0."""
+    """(3,) linear Rec.709 of luminance 1; ``kelvin`` is clamped to Blender's range. Out-of-gamut blue is 0.
+
+    Within 2 % of Blender from 2000 K up; below, the fit of the eye's far red makes it less red.
+    """
     kelvin = min(max(kelvin, LOWEST), HIGHEST)
     nm = np.arange(360.0, 831.0, 2.0)
     metres = nm * 1e-9

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from . import nodes_color, nodes_input, nodes_math, nodes_texture, shaders  # noqa: F401  they register their nodes
 from .closure import ONE, Closure
 from .emit import Emitter
-from .expression import FLOAT, VEC3, Expr, constant, leaf, structural
+from .expression import FLOAT, VEC3, Expr, constant, leaf, unless_zero
 from .graph import ImageData, MaterialData, NodeGraph, WorldData
 from .reader import GraphReader
 
@@ -184,7 +184,7 @@ def _emit_material(closure: Closure) -> tuple[MaterialFamily, Emitter, FloatArra
     ]
     results = []
     for name, expr, type, highest in fields:  # noqa: A001
-        expr = structural(expr)
+        expr = unless_zero(expr)
         text = emitter.write_as(expr, type)
         results.append(f"s.{name} = {text};" if expr.kind == "literal" else f"s.{name} = valid({text}, {highest});")
     default_normal = closure.normal is leaf("normal_ws")
@@ -198,10 +198,10 @@ def _emit_material(closure: Closure) -> tuple[MaterialFamily, Emitter, FloatArra
         color_layers=len(emitter.color_layers),
         textures=len(emitter.textures),
         parameters=len(parameters),
-        has_diffuse=not structural(closure.diffuse).is_literal(0.0),
+        has_diffuse=not unless_zero(closure.diffuse).is_literal(0.0),
         has_specular=closure.has_specular,
-        has_emission=not structural(closure.emission).is_literal(0.0),
-        has_transparency=not structural(closure.transparency).is_literal(0.0),
+        has_emission=not unless_zero(closure.emission).is_literal(0.0),
+        has_transparency=not unless_zero(closure.transparency).is_literal(0.0),
         reads_normal=not default_normal,
         is_constant=default_normal and not varying,
     )
@@ -220,7 +220,7 @@ def compile_world(world: WorldData | None) -> CompiledWorld:
         output = world.graph.nodes.get(world.graph.output) if world.graph.output is not None else None
         if output is not None and reader.is_linked(output, "Volume"):
             reader.warn(output, "has a volume, which is not rendered")
-        radiance = structural(reader.closure(output, "Surface").emission) if output is not None else constant(0.0)
+        radiance = unless_zero(reader.closure(output, "Surface").emission) if output is not None else constant(0.0)
         if radiance.is_known:
             color = np.maximum(np.broadcast_to(radiance.value, 3), 0.0).astype(np.float32)
             return CompiledWorld(world.name, color, warnings=reader.warnings)

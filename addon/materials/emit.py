@@ -41,7 +41,8 @@ def number_text(value: float) -> str:
 def _literal_text(value: npt.NDArray[np.float64]) -> str:
     if value.ndim == 0:
         return number_text(float(value))
-    return f"vec{len(value)}({', '.join(number_text(v) for v in value)})"
+    same = bool((value == value[0]).all())
+    return f"vec{len(value)}({', '.join(number_text(v) for v in (value[:1] if same else value))})"
 
 
 @dataclass(eq=False)

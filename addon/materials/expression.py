@@ -123,6 +123,11 @@ def structural(expr: Expr) -> Expr:
     return expr
 
 
+def unless_zero(expr: Expr) -> Expr:
+    """``expr``, or the literal 0 if that is exactly what it is: for what is either there or not."""
+    return literal(0.0) if expr.kind == "constant" and bool(np.all(expr.value == 0.0)) else expr
+
+
 def _widest(args: tuple[Expr, ...]) -> str:
     types = {arg.type for arg in args}
     return VEC4 if VEC4 in types else VEC3 if VEC3 in types else FLOAT
@@ -131,14 +136,14 @@ def _widest(args: tuple[Expr, ...]) -> str:
 def operation(kind: str, *args: Expr) -> Expr:
     """``kind`` of the arguments: folded if all are known, simplified where a literal 0 or 1 decides."""
     spec = OPERATIONS[kind]
+    simple = _simplified(kind, args)
+    if simple is not None:
+        return simple
     if all(arg.is_known for arg in args):
         with np.errstate(all="ignore"):
             value = _finite(spec.evaluate(*[arg.value for arg in args]))
         is_literal = all(arg.kind == "literal" for arg in args)
         return Expr(_type_of(value), "literal" if is_literal else "constant", (), value)
-    simple = _simplified(kind, args)
-    if simple is not None:
-        return simple
     return Expr(_widest(args) if spec.result == "same" else spec.result, kind, args)
 
 
@@ -151,7 +156,7 @@ def _simplified(kind: str, args: tuple[Expr, ...]) -> Expr | None:
         if kind in ("add", "sub") and b.is_literal(0.0) or kind in ("mul", "div") and b.is_literal(1.0):
             return widened(a, same_type)
         if kind in ("mul", "div") and a.is_literal(0.0) or kind == "mul" and b.is_literal(0.0):
-            return literal(0.0)
+            return widened(literal(0.0), same_type)
     if kind == "select" and args[0].is_known and args[0].type == FLOAT:
         return args[1] if args[0].value != 0.0 else args[2]
     if kind in ("x", "y", "z") and args[0].kind == "vec3":

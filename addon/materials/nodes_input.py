@@ -25,8 +25,10 @@ from .reader import GraphReader, value_node
 
 
 def direction_or(reader: GraphReader, name: str) -> Expr:
-    """A leaf of a surface; in a world the direction looked at."""
-    return leaf("direction_ws") if reader.is_world else leaf(name)
+    """A leaf of a surface; in a world the direction looked at, and for normals its opposite, as in Cycles."""
+    if not reader.is_world:
+        return leaf(name)
+    return -leaf("direction_ws") if "normal" in name else leaf("direction_ws")
 
 
 def incoming(reader: GraphReader) -> Expr:
@@ -34,7 +36,8 @@ def incoming(reader: GraphReader) -> Expr:
 
 
 def uv(reader: GraphReader, layer: str | None) -> Expr:
-    return leaf("direction_ws") if reader.is_world else layer_leaf("uv", layer or None)
+    """A UV layer; None: the active one. A world has none: 0."""
+    return literal((0.0, 0.0, 0.0)) if reader.is_world else layer_leaf("uv", layer or None)
 
 
 def unsupported_output(reader: GraphReader, node: Node, output: str) -> Expr:
@@ -58,7 +61,7 @@ def texture_coordinate(reader: GraphReader, node: Node, output: str) -> Expr:
         return uv(reader, None)
     if output == "Reflection":
         if reader.is_world:
-            return leaf("direction_ws")
+            return -leaf("direction_ws")
         normal, view = leaf("normal_ws"), leaf("incoming_ws")
         return normal * (2.0 * dot(normal, view)) - view
     return unsupported_output(reader, node, output)

@@ -199,7 +199,7 @@ def map_range(reader: GraphReader, node: Node, output: str) -> Expr:
     answer = to_low + factor * (to_high - to_low)
     if node.properties.get("clamp", True) and kind in ("LINEAR", "STEPPED"):
         answer = clamp(answer, minimum(to_low, to_high), maximum(to_low, to_high))
-    return answer * (1.0 - operation("equal", low, high))
+    return answer
 
 
 @value_node("ShaderNodeSeparateXYZ")

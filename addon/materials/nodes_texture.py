@@ -22,7 +22,9 @@ from .expression import (
     select,
     vec3,
 )  # fmt: skip
-from .graph import AlphaMode, ImageEncoding, ImageSet, Node
+from .graph import AlphaMode, ImageSet, Node
+from .images import image_as_read
+from .nodes_input import uv
 from .reader import GraphReader, value_node
 
 #: Tiles of a UDIM set that one material may read: each takes a texture unit, of which GL promises 16 to a shader.
@@ -89,21 +91,12 @@ def _sample(reader: GraphReader, node: Node, images: ImageSet, coordinate: Expr,
     if not images.is_udim:
         tiles = [(1001, tiles[0][1])]
     interpolation = _INTERPOLATION.get(str(node.properties.get("interpolation", "Linear")), "LINEAR")
+    is_alpha_used = reader.is_output_used(node, "Alpha")
     sample = Sample(
-        tuple((number - 1001, image) for number, image in tiles), images.is_udim,
+        tuple((number - 1001, image_as_read(image, is_alpha_used)) for number, image in tiles), images.is_udim,
         "EXTEND" if images.is_udim else extension, interpolation,
     )  # fmt: skip
     return Expr(VEC4, "sample", (coordinate, footprint(coordinate)), sample)
-
-
-def _color_of(texel: Expr, images: ImageSet, is_alpha_used: bool) -> Expr:
-    """As Cycles: colour without alpha when Alpha is linked as well, colour times alpha when it is not."""
-    image = next(iter(images.tiles.values()))
-    if image.encoding is ImageEncoding.DATA or image.alpha_mode in (AlphaMode.CHANNEL_PACKED, AlphaMode.NONE):
-        return texel.rgb
-    if image.alpha_mode is AlphaMode.STRAIGHT:
-        return texel.rgb if is_alpha_used else texel.rgb * texel.w
-    return texel.rgb / texel.w if is_alpha_used else texel.rgb
 
 
 @value_node("ShaderNodeTexImage")
@@ -118,14 +111,14 @@ def image_texture(reader: GraphReader, node: Node, output: str) -> Expr:
     if reader.is_linked(node, "Vector"):
         coordinate = reader.vector(node, "Vector")
     else:
-        coordinate = leaf("direction_ws") if reader.is_world else layer_leaf("uv", None)
+        coordinate = uv(reader, None)
     if coordinate.type == "float":
         coordinate = coordinate.rgb
     extension = str(node.properties.get("extension", "REPEAT"))
     texel = _shared_sample(reader, node, images, coordinate, extension)
     if output == "Alpha":
         return literal(1.0) if _is_opaque(images) else texel.w
-    return _color_of(texel, images, reader.is_output_used(node, "Alpha"))
+    return texel.rgb
 
 
 def _is_opaque(images: ImageSet) -> bool:
@@ -154,7 +147,7 @@ def environment_texture(reader: GraphReader, node: Node, output: str) -> Expr:
     else:
         u = 0.5 - operation("atan2", direction.y, direction.x) * literal(0.5 / math.pi)
         coordinate = vec3(u, 1.0 - operation("acos", direction.z) * literal(1.0 / math.pi), 0.0)
-    return _color_of(_shared_sample(reader, node, images, coordinate, "REPEAT"), images, False)
+    return _shared_sample(reader, node, images, coordinate, "REPEAT").rgb
 
 
 @value_node("ShaderNodeTexSky")

@@ -67,24 +67,20 @@ def specular_scale_bias(cosine: Any, roughness: Any) -> tuple[Array, Array]:
     """Twin of ``specular_scale_bias`` in shaders/lib/closure.glsl, where its origin is told."""
     x = np.clip(np.asarray(cosine, dtype=np.float64), 0.05, 1.0)
     y = np.clip(np.asarray(roughness, dtype=np.float64), 0.0, 1.0)
-    whole = sum(
-        c * x**i * y**j
-        for i, row in enumerate(
-            [
-                (1.024, -1.0842, 2.7368, -1.788),
-                (0.036, 4.5882, -18.031, 12.1167),
-                (-0.214, -4.8245, 24.8692, -18.8802),
-                (0.1308, 1.8608, -11.1702, 8.9142),
-            ]
-        )
-        for j, c in enumerate(row)
-    )
+    lost_above = [
+        (0.47482, -2.17892, 3.03689, -0.73195),
+        (-7.43404, 55.04485, -103.25196, 92.29573),
+        (7.87567, -64.44368, 136.35403, -88.31867),
+    ]
+    lost_below = [(1.0, -7.13346, 19.80432), (-1.05011, -26.84713, 67.53021), (68.43221, -101.0177, 20.77605)]
+    lost = y * np.polynomial.polynomial.polyval2d(x, y, lost_above)
+    whole = 1.0 - np.clip(lost / np.polynomial.polynomial.polyval2d(x, y, lost_below), 0.0, 1.0)
     above = 1.02276 - 2.48686 * x - 0.88254 * y + 1.84063 * x * y + 1.56836 * x**2 + 0.47871 * y**2
     above = above - 0.98276 * x**2 * y - 1.61105 * x * y**2 + 1.20929 * x**2 * y**2
     below = 1.0 + 2.66107 * x - 0.48812 * y - 20.44128 * x * y + 7.78812 * x**2 + 13.28358 * y**2
     below = below + 18.0169 * x**2 * y + 5.32168 * x * y**2 - 10.09386 * x**2 * y**2
     bias = np.clip(above / below, 0.0, 1.0)
-    return np.maximum(np.clip(whole, 0.0, 1.0) - bias, 0.0), bias
+    return np.maximum(whole - bias, 0.0), bias
 
 
 def _specular_split(cosine: Array, roughness: Array) -> Array:

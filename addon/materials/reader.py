@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 
 from .closure import Closure
-from .expression import FLOAT, VEC3, Expr, average, constant, leaf, literal, luminance, splat, structural
+from .expression import FLOAT, VEC3, Expr, average, constant, leaf, literal, luminance, splat, structural, unless_zero
 from .graph import Node, NodeGraph, Socket
 
 #: Outputs of these identifiers are vectors; other outputs of three components are colours. (A vector becomes a number
@@ -96,7 +96,7 @@ class GraphReader:
         return self.vector(node, identifier) if self.is_linked(node, identifier) else self.default_normal()
 
     def default_normal(self) -> Expr:
-        return leaf("direction_ws" if self.is_world else "normal_ws")
+        return -leaf("direction_ws") if self.is_world else leaf("normal_ws")
 
     def _input(self, node: Node, identifier: str, type: str, default: float | tuple[float, ...]) -> Expr:  # noqa: A002
         key = (node.name, identifier + "/" + type)
@@ -171,7 +171,7 @@ class GraphReader:
         if node.idname in SHADER_NODES:
             closure = SHADER_NODES[node.idname](self, node)
         elif node.idname in VALUE_NODES:  # a colour linked to a shader input glows, as in Blender
-            closure = Closure(emission=structural(converted(self.output(name, output), VEC3, False)))
+            closure = Closure(emission=unless_zero(converted(self.output(name, output), VEC3, False)))
         else:
             self.warn(node, "is not supported; it is shown as grey diffuse")
             closure = Closure(diffuse=constant((0.8, 0.8, 0.8)))

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from .closure import ONE, ZERO, Closure, mean_fresnel, mixed
-from .expression import Expr, clamp, literal, maximum, minimum, operation, structural
+from .expression import Expr, clamp, literal, maximum, minimum, operation, structural, unless_zero
 from .graph import Node
 from .nodes_input import view_cosine
 from .reader import GraphReader, shader_node
@@ -76,22 +76,21 @@ def principled(reader: GraphReader, node: Node) -> Closure:
     dielectric = 1.0 - metallic
 
     level = maximum(reader.number(node, "Specular IOR Level", 0.5), 0.0)
-    reflectance = structural(minimum(dielectric_f0(maximum(reader.number(node, "IOR", 1.5), 1e-5)) * 2.0 * level, 1.0))
+    reflectance = unless_zero(minimum(dielectric_f0(maximum(reader.number(node, "IOR", 1.5), 1e-5)) * 2.0 * level, 1.0))
     tint = maximum(reader.color(node, "Specular Tint", (1.0, 1.0, 1.0)), 0.0)
     f0, f90, albedo = with_energy(
         reflectance * tint, grazing_reflectance(reflectance).rgb, roughness, cosine, _keeps_energy(node)
     )
     metal_f0, metal_f90, _ = with_energy(base, literal((1.0,) * 3), roughness, cosine, _keeps_energy(node))
 
-    emission = structural(reader.color(node, "Emission Color", (1.0, 1.0, 1.0))) * reader.weight(
-        node, "Emission Strength"
-    )
+    strength = unless_zero(reader.number(node, "Emission Strength"))
+    emission = unless_zero(reader.color(node, "Emission Color", (1.0, 1.0, 1.0))) * strength
     return Closure(
         diffuse=base * (1.0 - albedo) * dielectric,
         specular_f0=f0 * dielectric + metal_f0 * metallic,
         specular_f90=f90 * dielectric + metal_f90 * metallic,
         roughness=roughness,
-        emission=structural(emission),
+        emission=emission,
         normal=normal,
     ).scaled(alpha).plus(Closure(transparency=1.0 - alpha))  # fmt: skip
 
@@ -134,13 +133,13 @@ def metallic(reader: GraphReader, node: Node) -> Closure:
 
 @shader_node("ShaderNodeEmission", "ShaderNodeBackground")
 def emission(reader: GraphReader, node: Node) -> Closure:
-    color = structural(reader.color(node, "Color", (1.0, 1.0, 1.0)))
-    return Closure(emission=structural(color * reader.weight(node, "Strength", 1.0)))
+    color = unless_zero(reader.color(node, "Color", (1.0, 1.0, 1.0)))
+    return Closure(emission=color * unless_zero(reader.number(node, "Strength", 1.0)))
 
 
 @shader_node("ShaderNodeBsdfTransparent")
 def transparent(reader: GraphReader, node: Node) -> Closure:
-    return Closure(transparency=structural(reader.color(node, "Color", (1.0, 1.0, 1.0))))
+    return Closure(transparency=unless_zero(reader.color(node, "Color", (1.0, 1.0, 1.0))))
 
 
 @shader_node("ShaderNodeMixShader")
@@ -206,6 +205,6 @@ def specular(reader: GraphReader, node: Node) -> Closure:
         specular_f0=f0,
         specular_f90=grazing_reflectance(maximum(maximum(f0.x, f0.y), f0.z)).rgb,
         roughness=_roughness(reader, node, default=0.2),
-        emission=structural(reader.color(node, "Emissive Color")),
+        emission=unless_zero(reader.color(node, "Emissive Color")),
         normal=reader.normal(node),
     ).scaled(opacity).plus(Closure(transparency=1.0 - opacity))  # fmt: skip

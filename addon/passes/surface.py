@@ -74,7 +74,7 @@ class SurfacePass:
         self.release()
         gpu = self.gpu
         name = "surface pictures"
-        formats = ((1, "u4"), (4, "f4"), (4, "ni2"), (4, "f2"), (4, "f2"), (4, "f2"), (4, "f4"))
+        formats = ((1, "u4"), (4, "f4"), (4, "nu2"), (4, "f2"), (4, "f2"), (4, "f2"), (4, "f4"))
         pictures = [gpu.texture(name, size, components, kind) for components, kind in formats]
         depth = gpu.adopt(name, gpu.mgl.depth_renderbuffer(size), 4 * size[0] * size[1])
         self._framebuffer = gpu.adopt(name, gpu.mgl.framebuffer([pictures[0]], depth), 0)
@@ -156,7 +156,7 @@ class SurfacePass:
                 batch=index, random_seed=seed, cell_size=geometry.grid.cell_size, grid_origin_ws=geometry.grid.origin,
                 **camera.uniforms(offset),
             )
-            kernel.shader.run_indirect(self._bins, 20 * index)
+            kernel.run_indirect(self._bins, 20 * index)
             material_pass.unbind(batch)
         gpu.barrier()  # lighting reads the pictures as textures
 
@@ -175,7 +175,7 @@ class SurfacePass:
             self._pixels.bind_to_storage_buffer(slot("BUF_WORK"))
             pictures.seen.bind_to_image(slot("IMG_0"), read=True, write=False)
             if step == 1:
-                kernel.shader.run(1, 1, 1)
+                kernel.run_groups(1, 1, 1)
             else:
                 kernel.run_tiles(*pictures.size)
             gpu.barrier()  # each step reads the counters of the one before; dispatches read their arguments

@@ -7,24 +7,28 @@
 // (scale, bias): a GGX lobe of Fresnel reflectance mix(f0, f90, (1 - cos)^5), with the height-correlated Smith term
 // and one scattering, reflects f0 * scale + f90 * bias of a white hemisphere ("split sum": Karis 2013, "Real Shading in
 // Unreal Engine 4").
-// Fitted here to numerical integration over cosines of 0.05 .. 1: sum = scale + bias as a polynomial, bias as a ratio
-// of two. A test integrates again and holds the fit to its error.
+// Fitted here to numerical integration over cosines of 0.05 .. 1: 1 - scale - bias (what is lost) and bias, each a ratio
+// of polynomials; largest error 0.01. A test integrates again and holds the fit to it.
 vec2 specular_scale_bias(float cosine, float roughness) {
     float x = clamp(cosine, 0.05, 1.0);
     float y = clamp(roughness, 0.0, 1.0);
     float x2 = x * x;
     float y2 = y * y;
-    vec4 powers = vec4(1.0, y, y2, y2 * y);
-    float sum = dot(vec4(1.024, -1.0842, 2.7368, -1.788), powers)
-              + x * dot(vec4(0.036, 4.5882, -18.031, 12.1167), powers)
-              + x2 * dot(vec4(-0.214, -4.8245, 24.8692, -18.8802), powers)
-              + x2 * x * dot(vec4(0.1308, 1.8608, -11.1702, 8.9142), powers);
+    vec4 rough_powers = vec4(1.0, y, y2, y2 * y);
+    vec3 rows = vec3(1.0, x, x2);
+    float lost_above = y * dot(rows, vec3(dot(vec4(0.47482, -2.17892, 3.03689, -0.73195), rough_powers),
+                                          dot(vec4(-7.43404, 55.04485, -103.25196, 92.29573), rough_powers),
+                                          dot(vec4(7.87567, -64.44368, 136.35403, -88.31867), rough_powers)));
+    float lost_below = dot(rows, vec3(dot(vec3(1.0, -7.13346, 19.80432), rough_powers.xyz),
+                                      dot(vec3(-1.05011, -26.84713, 67.53021), rough_powers.xyz),
+                                      dot(vec3(68.43221, -101.0177, 20.77605), rough_powers.xyz)));
+    float sum = 1.0 - clamp(lost_above / lost_below, 0.0, 1.0);
     float above = 1.02276 - 2.48686 * x - 0.88254 * y + 1.84063 * x * y + 1.56836 * x2 + 0.47871 * y2
                 - 0.98276 * x2 * y - 1.61105 * x * y2 + 1.20929 * x2 * y2;
     float below = 1.0 + 2.66107 * x - 0.48812 * y - 20.44128 * x * y + 7.78812 * x2 + 13.28358 * y2
                 + 18.0169 * x2 * y + 5.32168 * x * y2 - 10.09386 * x2 * y2;
     float bias = clamp(above / below, 0.0, 1.0);
-    return vec2(max(clamp(sum, 0.0, 1.0) - bias, 0.0), bias);
+    return vec2(max(sum - bias, 0.0), bias);
 }
 
 // Share of a white hemisphere that the GGX lobe reflects towards a viewer at `cosine` to the normal.

@@ -24,7 +24,7 @@ Pixel fetch_pixel(ivec2 at)
 {
     Pixel p;
     vec4 position = texelFetch(position_tex, at, 0);
-    vec4 normals = texelFetch(normal_tex, at, 0);
+    vec4 normals = 2.0 * texelFetch(normal_tex, at, 0) - 1.0;
     vec4 diffuse = texelFetch(diffuse_tex, at, 0);
     p.is_surface = position.w == 1.0;
     p.position = position.xyz;

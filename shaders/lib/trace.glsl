@@ -50,67 +50,74 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
     ivec3 cell = clamp(ivec3(floor(origin + d * t)), ivec3(0), grid_size - 1);
     vec3 best_cross = vec3(0.0);
 
+    // Two loops that take turns: step until every ray of the group stands in an occupied cell, then test triangles.
+    // Software rasterizers run both sides of an `if` but leave out a loop that no ray enters.
     int budget = grid_size.x + grid_size.y + grid_size.z + 8;  // a straight line crosses no more cells
-    for (; budget > 0; --budget) {
-        ivec3 brick = cell / BRICK;
-        int empty = int(texelFetch(brick_distance_tex, brick, 0).r);
-        ivec3 lo = (brick - empty + 1) * BRICK;
-        ivec3 hi = (brick + empty) * BRICK;
-        if (empty == 0) {
-            lo = cell;
-            hi = cell + 1;
+    bool inside = true;
+    while (inside) {
+        uint next = 0u, end = 0u;  // triangles of the occupied cell that was found
+        ivec3 found = cell;
+        float t_exit = t;
+        while (inside && next == end) {
+            found = cell;
+            ivec3 brick = cell / BRICK;
+            int empty = int(texelFetch(brick_distance_tex, brick, 0).r);
             uint bit = brick_bit(cell);
             uint word = texelFetch(brick_mask_tex, mask_texel(cell, bit), 0).r;
+            ivec3 in_brick = cell & (BRICK - 1);
+            // Bits of the block of 2x2x2 cells around this one.
+            uint block = 0x00330033u << ((in_brick.x & 2) + ((in_brick.y & 2) << 2));
+            bool free = (word & block) == 0u;
+            ivec3 lo = empty > 0 ? (brick - empty + 1) * BRICK : (free ? cell & ~1 : cell);
+            ivec3 hi = empty > 0 ? (brick + empty) * BRICK : lo + (free ? 2 : 1);
             if ((word >> (bit & 31u) & 1u) != 0u) {
                 uvec4 record = texelFetch(cells_tex, list_texel(occupied_cell_index(cell, bit, word)), 0);
-                for (uint k = record.x; k < record.x + record.y; ++k) {
-                    uint index = texelFetch(cell_triangles_tex, list_texel(k), 0).r;
-                    ivec2 at = triangle_texel(index);
-                    uvec4 c0 = texelFetch(triangles_tex, at, 0);
-                    vec3 e1 = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(1, 0), 0).xyz);
-                    vec3 e2 = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(2, 0), 0).xyz);
-                    vec3 p = cross(direction, e2);
-                    float determinant = dot(e1, p);
-                    float f = 1.0 / determinant;
-                    vec3 s = origin - uintBitsToFloat(c0.xyz);
-                    float u = dot(s, p) * f;
-                    vec3 q = cross(s, e1);
-                    float v = dot(direction, q) * f;
-                    float w = dot(e2, q) * f;
-                    bool met = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && w > 0.0 && determinant != 0.0 &&
-                               (c0.w >> 24 & ray_mask) != 0u;
-                    // Equal distances go to the lower index: the order of a cell's list must not show.
-                    if (met && (w < hit.distance || (w == hit.distance && index < hit.triangle))) {
+                next = record.x;
+                end = record.x + record.y;
+            }
+            vec3 planes = mix(vec3(lo), vec3(hi), forward);
+            vec3 at_plane = (planes - origin) * inverse;
+            t_exit = min(at_plane.x, min(at_plane.y, at_plane.z));
+            int axis = at_plane.x == t_exit ? 0 : (at_plane.y == t_exit ? 1 : 2);
+            cell = clamp(ivec3(floor(origin + d * t_exit)), max(lo, ivec3(0)), min(hi, grid_size) - 1);
+            cell[axis] = forward[axis] ? hi[axis] : lo[axis] - 1;
+            inside = t_exit < t_end && cell[axis] >= 0 && cell[axis] < grid_size[axis] && --budget > 0;
+        }
+        while (next < end) {
+            uint index = texelFetch(cell_triangles_tex, list_texel(next), 0).r;
+            ivec2 at = triangle_texel(index);
+            uvec4 c0 = texelFetch(triangles_tex, at, 0);
+            vec3 e1 = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(1, 0), 0).xyz);
+            vec3 e2 = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(2, 0), 0).xyz);
+            vec3 p = cross(direction, e2);
+            float determinant = dot(e1, p);
+            float f = 1.0 / determinant;
+            vec3 s = origin - uintBitsToFloat(c0.xyz);
+            float u = dot(s, p) * f;
+            vec3 q = cross(s, e1);
+            float v = dot(direction, q) * f;
+            float w = dot(e2, q) * f;
+            bool met = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && w > 0.0 && determinant != 0.0 &&
+                       (c0.w >> 24 & ray_mask) != 0u;
+            // Equal distances go to the lower index: the order of a cell's list must not show.
+            met = met && (w < hit.distance || (w == hit.distance && index < hit.triangle));
 #if HAS_OPACITY
-                        float opacity = texelFetch(cell_opacities_tex, list_texel(k), 0).r;
-                        // One decision for a triangle and a ray, whichever cell asks.
-                        if (opacity < 1.0 && unit_float(hash(seed, index)) >= opacity) {
-                            continue;
-                        }
+            if (met) {
+                float opacity = texelFetch(cell_opacities_tex, list_texel(next), 0).r;
+                // One decision for a triangle and a ray, whichever cell asks.
+                met = opacity >= 1.0 || unit_float(hash(seed, index)) < opacity;
+            }
 #endif
-                        hit.distance = w;
-                        hit.triangle = index;
-                        hit.cell = cell;
-                        best_cross = cross(e1, e2);
-                        if (any_hit) {
-                            return hit;
-                        }
-                    }
-                }
+            ++next;
+            if (met) {
+                hit.distance = w;
+                hit.triangle = index;
+                hit.cell = found;
+                best_cross = cross(e1, e2);
+                next = any_hit ? end : next;
             }
         }
-        vec3 planes = mix(vec3(lo), vec3(hi), forward);
-        vec3 at_plane = (planes - origin) * inverse;
-        float t_exit = min(at_plane.x, min(at_plane.y, at_plane.z));
-        if (hit.distance <= t_exit || t_exit >= t_end) {
-            break;
-        }
-        int axis = at_plane.x == t_exit ? 0 : (at_plane.y == t_exit ? 1 : 2);
-        cell = clamp(ivec3(floor(origin + d * t_exit)), max(lo, ivec3(0)), min(hi, grid_size) - 1);
-        cell[axis] = forward[axis] ? hi[axis] : lo[axis] - 1;
-        if (cell[axis] < 0 || cell[axis] >= grid_size[axis]) {
-            break;
-        }
+        inside = inside && hit.distance > t_exit && !(any_hit && hit.triangle != NONE_INDEX);
     }
     if (hit.triangle != NONE_INDEX) {
         vec3 n = normalize(best_cross);

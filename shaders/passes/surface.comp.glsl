@@ -13,7 +13,7 @@ layout(std430, binding = BUF_WORK) readonly buffer Pixels { uint pixels[]; };
 layout(std430, binding = BUF_SUMS) readonly buffer Bins { uint bins[]; };
 layout(binding = IMG_0, r32ui) uniform uimage2D seen_img;
 layout(binding = IMG_1, rgba32f) writeonly uniform image2D position_img;
-layout(binding = IMG_2, rgba16_snorm) writeonly uniform image2D normal_img;
+layout(binding = IMG_2, rgba16) writeonly uniform image2D normal_img;
 layout(binding = IMG_3, rgba16f) writeonly uniform image2D diffuse_img;
 layout(binding = IMG_4, rgba16f) writeonly uniform image2D f0_img;
 layout(binding = IMG_5, rgba16f) writeonly uniform image2D f90_img;
@@ -59,8 +59,8 @@ void main()
 #endif
     float inverse = 1.0 / max(opacity, 1e-3);
     imageStore(position_img, pixel, vec4(position, 1.0));
-    imageStore(normal_img, pixel, vec4(octahedral_encode(normalize(s.normal_ws)),
-                                       octahedral_encode(point.geometric_normal_ws)));
+    imageStore(normal_img, pixel, 0.5 + 0.5 * vec4(octahedral_encode(normalize(s.normal_ws)),
+                                                   octahedral_encode(point.geometric_normal_ws)));
     imageStore(diffuse_img, pixel, vec4(s.diffuse * inverse, s.roughness));
     float holdout = (t.flags & TRIANGLE_HOLDOUT) != 0u ? 1.0 : 0.0;
     imageStore(f0_img, pixel, vec4(s.specular_f0 * inverse, holdout));

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Sum what surfaces bring to the faces of every cell, and list the cell's triangles.
-// A surface of area A and normal n counts for facing d with weight A max(0, n.d); a sheet has two sides and so counts
-// for the facings of -n as well. Sums are integers: the order of threads cannot show.
+// A surface of area A and normal n counts for facing d with weight A max(0, n.d). A sheet has two sides, but what its
+// back looks like is asked only where no front faces that way (pass voxel_resolve): a thin wall keeps two colours.
+// Sums are integers: the order of threads cannot show.
 // Input: work items of one batch, triangles, materials.    Output: sums of faces, triangles of cells.
 
 #include "lib/overlap.glsl"
@@ -29,12 +30,6 @@ uint fixed_point(float value, uint random)
 {
     float scaled = clamp(value * FIXED_ONE, 0.0, 4.0e9);
     return uint(floor(scaled)) + (unit_float(random) < fract(scaled) ? 1u : 0u);
-}
-
-uint fixed_point_signed(float value, uint random)
-{
-    uint magnitude = fixed_point(abs(value), random);
-    return value < 0.0 ? 0u - magnitude : magnitude;
 }
 
 void add_64(uint at, float value)
@@ -77,26 +72,22 @@ void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, 
     reflectance = min(reflectance / max(opacity, 1e-3), 1.0);
     vec3 inside = clamp(centre_grid - vec3(cell), 0.0, 1.0);
     uint seed = hash(triangle_index, hash(uint(cell.x) | uint(cell.y) << 11, uint(cell.z)));
-    for (uint side = 0u; side < 2u; ++side) {
-        vec3 n = side == 0u ? normal : -normal;
-        for (int axis = 0; axis < 3; ++axis) {
-            float weight = area * abs(n[axis]);
-            if (weight == 0.0) {
-                continue;
-            }
-            uint facing = uint(2 * axis) + (n[axis] < 0.0 ? 1u : 0u);
-            uint at = face_index(record, facing) * sum_words;
-            uint random = hash(seed + facing);
-            atomicAdd(sums[at], fixed_point(weight, random));
-            for (uint k = 0u; k < 3u; ++k) {
-                random = hash(random);
-                atomicAdd(sums[at + 1u + k], fixed_point(weight * reflectance[k], random));
-                atomicAdd(sums[at + 4u + k], fixed_point_signed(weight * n[k], random >> 3));
-                atomicAdd(sums[at + 7u + k], fixed_point(weight * inside[k], random << 5));
+    for (int axis = 0; axis < 3; ++axis) {
+        float weight = area * abs(normal[axis]);
+        if (weight == 0.0) {
+            continue;
+        }
+        uint facing = uint(2 * axis) + (normal[axis] < 0.0 ? 1u : 0u);
+        uint at = face_index(record, facing) * sum_words;
+        uint random = hash(seed + facing);
+        atomicAdd(sums[at], fixed_point(weight, random));
+        for (uint k = 0u; k < 3u; ++k) {
+            random = hash(random);
+            atomicAdd(sums[at + 1u + k], fixed_point(weight * reflectance[k], random));
+            atomicAdd(sums[at + 4u + k], fixed_point(weight * inside[k], random << 5));
 #if HAS_EMISSION
-                add_64(at + FACE_SUM_WORDS + 2u * k, weight * surface.emission[k] / max(opacity, 1e-3));
+            add_64(at + FACE_SUM_WORDS + 2u * k, weight * surface.emission[k] / max(opacity, 1e-3));
 #endif
-            }
         }
     }
 }

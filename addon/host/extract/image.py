@@ -82,9 +82,8 @@ class ImageReader:
             else:
                 tiles[number] = data
         if lost and tiles:
-            self.warnings.append(
-                f"image '{image.name}': tiles {', '.join(lost)} could not be read from '{_path(image)}'; they are magenta"
-            )
+            what = f"tiles {', '.join(lost)} could not be read from '{_path(image)}'; they are magenta"
+            self.warnings.append(f"image '{image.name}': {what}")
         return ImageSet(image.name, tiles, True, None if tiles else _missing(image))
 
 
