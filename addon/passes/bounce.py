@@ -15,7 +15,7 @@ from ..settings import Settings
 from .voxelize import Voxels
 from .world import WorldLight
 
-FACES_PER_STEP = 1 << 14
+THREADS_PER_STEP = 1 << 15
 #: Bounces between two looks at how much has changed, and the change at which they stop.
 CHECK_EVERY = 4
 CONVERGED = 1e-3
@@ -40,7 +40,8 @@ class LinkPass:
         if world.is_lit:
             self.sky = gpu.list_texture("sky light of faces", voxels.faces.count, 4, "f4")
         kernel = gpu.kernel("link", voxels.trace_defines | world.defines)
-        for first in range(0, voxels.faces.count, FACES_PER_STEP):
+        threads = 6 * voxels.cell_count  # one for each facing of each cell: see face_of_thread() in the shaders
+        for first in range(0, threads, THREADS_PER_STEP):
             with gpu.timed("link"):
                 voxels.bind(kernel)
                 world.bind(kernel)
@@ -49,10 +50,10 @@ class LinkPass:
                 if self.sky is not None:
                     self.sky.bind_to_image(slot("IMG_1"), read=False, write=True)
                 kernel.set(
-                    face_first=first, face_count=voxels.faces.count, link_count=self.count, random_seed=settings.seed
+                    thread_first=first, cell_count=voxels.cell_count, link_count=self.count, random_seed=settings.seed
                 )
-                kernel.run_list(min(FACES_PER_STEP, voxels.faces.count - first))
-            yield min(1.0, (first + FACES_PER_STEP) / voxels.faces.count)
+                kernel.run_list(min(THREADS_PER_STEP, threads - first))
+            yield min(1.0, (first + THREADS_PER_STEP) / threads)
         gpu.barrier()  # bounces read links and sky
 
     def release(self) -> None:

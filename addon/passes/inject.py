@@ -15,7 +15,7 @@ from ..scene import AreaShape, LightData, LightKind
 from ..settings import Settings
 from .voxelize import Voxels
 
-FACES_PER_STEP = 1 << 16
+THREADS_PER_STEP = 1 << 17
 
 
 def light_records(lights: Sequence[LightData], grid: VoxelGrid) -> np.ndarray:
@@ -102,7 +102,8 @@ class InjectPass:
         kernel = self.gpu.kernel(
             "inject", voxels.trace_defines | {"HAS_EMISSION": voxels.faces.emission is not None}
         )
-        for first in range(0, voxels.faces.count, FACES_PER_STEP):
+        threads = 6 * voxels.cell_count  # one for each facing of each cell: see face_of_thread() in the shaders
+        for first in range(0, threads, THREADS_PER_STEP):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
                 voxels.faces.bind()
@@ -110,9 +111,9 @@ class InjectPass:
                 radiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 direct.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
                 kernel.set(
-                    face_first=first, face_count=voxels.faces.count, random_seed=settings.seed,
+                    thread_first=first, cell_count=voxels.cell_count, random_seed=settings.seed,
                     use_shadows=settings.use_shadows,
                 )
-                kernel.run_list(min(FACES_PER_STEP, voxels.faces.count - first))
-            yield min(1.0, (first + FACES_PER_STEP) / voxels.faces.count)
+                kernel.run_list(min(THREADS_PER_STEP, threads - first))
+            yield min(1.0, (first + THREADS_PER_STEP) / threads)
         self.gpu.barrier()  # bounces and the gather read the radiance as a texture

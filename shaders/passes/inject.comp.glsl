@@ -16,8 +16,8 @@ layout(binding = TEX_FACE_EMISSION) uniform sampler2D face_emission_tex;
 layout(binding = IMG_0, rgba32f) writeonly uniform image2D radiance_img;
 layout(binding = IMG_1, rgba32f) writeonly uniform image2D direct_img;
 
-uniform uint face_first;
-uniform uint face_count;
+uniform uint thread_first;
+uniform uint cell_count;
 uniform uint random_seed;
 uniform bool use_shadows;
 
@@ -26,8 +26,8 @@ const uint SAMPLES = 4u;
 
 void main()
 {
-    uint index = face_first + invocation_index();
-    if (index >= face_count) {
+    uint index = face_of_thread(cells_tex, thread_first + invocation_index(), cell_count);
+    if (index == NONE_INDEX) {
         return;
     }
     vec3 position, normal;

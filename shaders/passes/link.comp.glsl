@@ -20,15 +20,15 @@ layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
 layout(binding = IMG_1, rgba32f) writeonly uniform image2D sky_img;
 #endif
 
-uniform uint face_first;
-uniform uint face_count;
+uniform uint thread_first;
+uniform uint cell_count;
 uniform uint link_count;  // a multiple of four
 uniform uint random_seed;
 
 void main()
 {
-    uint index = face_first + invocation_index();
-    if (index >= face_count) {
+    uint index = face_of_thread(cells_tex, thread_first + invocation_index(), cell_count);
+    if (index == NONE_INDEX) {
         return;
     }
     vec3 position, normal;

@@ -75,31 +75,31 @@ void store(uint index, Face face)
 
 void main()
 {
-    uint index = invocation_index();
-    if (index >= cell_count) {
+    // Neighbouring threads take the same axis of neighbouring cells: what they do is alike.
+    uint number = invocation_index();
+    uint index = number % max(cell_count, 1u);
+    uint facing = 2u * (number / max(cell_count, 1u));
+    if (facing >= 6u) {
         return;
+    }
+    uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
+    if ((record.w >> facing & 1u) == 0u) {
+        return;  // both facings of an axis are there, or neither
     }
     uint packed_position = cell_positions[index];
     vec3 corner = vec3(packed_position & 2047u, packed_position >> 11 & 2047u, packed_position >> 22);
-    uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
-    for (uint axis = 0u; axis < 3u; ++axis) {
-        uint facing = 2u * axis;
-        if ((record.w >> facing & 1u) == 0u) {
-            continue;  // both facings of an axis are there, or neither
-        }
-        uint first = face_index(record, facing);
-        Face front = mean_face(first, facing, corner);
-        Face back = mean_face(first + 1u, facing + 1u, corner);
-        bool has_front = front.reflectance.a > 0.0;
-        bool has_back = back.reflectance.a > 0.0;
-        // The side that nothing was made for is the back of a sheet: the same surface, turned over.
-        if (has_front || !has_back) {
-            find_surface(front);
-        }
-        if (has_back) {
-            find_surface(back);
-        }
-        store(first, has_front || !has_back ? front : turned_over(back));
-        store(first + 1u, has_back ? back : turned_over(front));
+    uint first = face_index(record, facing);
+    Face front = mean_face(first, facing, corner);
+    Face back = mean_face(first + 1u, facing + 1u, corner);
+    bool has_front = front.reflectance.a > 0.0;
+    bool has_back = back.reflectance.a > 0.0;
+    // The side that nothing was made for is the back of a sheet: the same surface, turned over.
+    if (has_front || !has_back) {
+        find_surface(front);
     }
+    if (has_back) {
+        find_surface(back);
+    }
+    store(first, has_front || !has_back ? front : turned_over(back));
+    store(first + 1u, has_back ? back : turned_over(front));
 }
