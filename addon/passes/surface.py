@@ -199,7 +199,7 @@ class SurfacePass:
         pictures = self.pictures
         assert pictures is not None
         with self.gpu.timed("light shapes"):
-            kernel = self.gpu.kernel("light_shapes")
+            kernel = self.gpu.kernel("light_shapes", lights.defines(settings))
             lights.bind(kernel, settings)
             pictures.position.use(interface.slot("TEX_POSITION"))
             pictures.bind_images()
