@@ -117,6 +117,15 @@ def test_exr_is_linear_and_png_goes_through_the_view_transform(lit_blend: pathli
     assert sorted(path.name for path in tmp_path.iterdir()) == ["lit.png", "sky.exr"], "temporary files are left"
 
 
+def test_nothing_temporary_is_left(lit_blend: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    environ = dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(temporary))
+    result = render(lit_blend, *CYCLES, "-o", "a.png", folder=tmp_path, environ=environ)
+    assert result.returncode == 0, result.stderr
+    assert list(temporary.iterdir()) == []
+
+
 def test_statistics_of_cycles(lit_blend: pathlib.Path, tmp_path: pathlib.Path) -> None:
     succeed(lit_blend, *CYCLES, "-o", "a.png", "--stats", "s.json", folder=tmp_path)
     stats = json.loads((tmp_path / "s.json").read_text())

@@ -32,11 +32,16 @@ def leave(status: int) -> NoReturn:
 
 
 def isolate_blender() -> None:
-    """Gives Blender an empty folder for everything of the user's. Must come before ``import bpy``."""
+    """Gives Blender an empty folder for everything of the user's, and for its temporary files.
+
+    Must come before ``import bpy``. :func:`leave` removes the folder, as Blender does not get to tidy up then.
+    """
     for name in [name for name in os.environ if name.startswith(("BLENDER_USER_", "BLENDER_SYSTEM_"))]:
         del os.environ[name]
     folder = tempfile.mkdtemp(prefix="conelight-")
     os.environ["BLENDER_USER_RESOURCES"] = folder
+    for name in ("TMPDIR", "TEMP", "TMP"):  # the order in which Blender looks differs between releases
+        os.environ[name] = folder
     at_end(lambda: shutil.rmtree(folder, ignore_errors=True))
 
 

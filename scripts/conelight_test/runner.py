@@ -102,6 +102,7 @@ def execute(run: Run, python: str, options: Sequence[str]) -> Totals:
             "CONELIGHT_TRACEBACK": "",  # tests look at what users see
         }
         os.mkdir(environ["BLENDER_USER_RESOURCES"])
+        environ.update(dict.fromkeys(("TMPDIR", "TEMP", "TMP"), folder))  # nobody tidies up after os._exit
         try:
             process = subprocess.run(
                 [python, WORKER, results, *options, *run.targets], cwd=ROOT, env=environ, timeout=PROCESS_LIMIT,

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The GGX lobe: evaluation. Walter et al. 2007; height-correlated Smith masking after Heitz 2014, "Understanding the
-// Masking-Shadowing Function in Microfacet-Based BRDFs".
+// Masking-Shadowing Function in Microfacet-Based BRDFs". What scatters between facets is already in f0 and f90
+// (lib/closure.glsl).
 
 #include "lib/common.glsl"
-#include "lib/closure.glsl"
 
 float ggx_lambda(float cosine, float alpha)
 {
@@ -36,14 +36,6 @@ vec3 fresnel(vec3 f0, vec3 f90, float cosine)
     return mix(f0, f90, m2 * m2 * m);
 }
 
-// What light that was scattered more than once between facets adds. Turquin 2019, "Practical Multiple Scattering
-// Compensation for Microfacet Models", with the albedo of a facet that reflects everything.
-vec3 multiple_scattering(vec3 f0, float alpha, float n_v)
-{
-    float albedo = specular_directional_albedo(vec3(1.0), vec3(1.0), sqrt(alpha), n_v).x;
-    return 1.0 + f0 * (1.0 / clamp(albedo, 0.1, 1.0) - 1.0);
-}
-
 // BRDF times cosine.
 vec3 ggx_reflection(vec3 n, vec3 view, vec3 light, float alpha, vec3 f0, vec3 f90)
 {
@@ -54,5 +46,5 @@ vec3 ggx_reflection(vec3 n, vec3 view, vec3 light, float alpha, vec3 f0, vec3 f9
         return vec3(0.0);
     }
     float specular = ggx_distribution(clamp(dot(n, h), 0.0, 1.0), alpha) * ggx_masking(n_l, n_v, alpha) / (4.0 * n_v);
-    return fresnel(f0, f90, dot(view, h)) * specular * multiple_scattering(f0, alpha, n_v);
+    return fresnel(f0, f90, dot(view, h)) * specular;
 }
