@@ -73,7 +73,7 @@ def trace(triangles: np.ndarray, origins: np.ndarray, directions: np.ndarray) ->
         q = np.cross(s, e1[None])
         v = np.einsum("rtk,rk->rt", q, directions) * f
         t = np.einsum("rtk,tk->rt", q, e2) * f
-    margin = np.minimum(np.minimum(u, v), 1.0 - u - v)
+        margin = np.minimum(np.minimum(u, v), 1.0 - u - v)
     margin = np.where(np.isfinite(margin), margin, -1.0)
     return np.where((margin >= 0) & (t > 0), t, np.inf), margin
 

@@ -58,7 +58,7 @@ class VoxelData:
     masks: np.ndarray  # (bricks,) uint64
     cells: np.ndarray  # (cells, 3) int
     records: np.ndarray  # (cells, 4): first triangle, count, first face, face mask
-    faces: np.ndarray  # records of interface.FACE
+    faces: np.ndarray  # (faces,) cell, facing, position, normal, reflectance, weight, emission
     triangles: np.ndarray  # (pairs,) cell by cell
 
     @property
@@ -73,9 +73,41 @@ class VoxelData:
         return self.cells[self.faces["cell"]]
 
 
-def read_faces(voxels: Voxels) -> np.ndarray:
-    """The faces as they are on the GPU now."""
-    return np.frombuffer(voxels.faces.read(), interface.FACE.dtype)[: voxels.face_count].copy()
+_FACE = np.dtype([
+    ("cell", np.int64), ("facing", np.int64), ("position", np.float32, 3), ("normal", np.float64, 3),
+    ("reflectance", np.float32, 3), ("weight", np.float32), ("emission", np.float32, 3),
+])  # fmt: skip
+
+
+def _octahedral(words: np.ndarray) -> np.ndarray:
+    """(N,) uint32 of two signed 16-bit numbers as (N, 3) unit vectors."""
+    e = np.clip(np.ascontiguousarray(words).view(np.int16).reshape(-1, 2) / 32767.0, -1.0, 1.0)
+    z = 1.0 - np.abs(e).sum(axis=1)
+    folded = (1.0 - np.abs(e[:, ::-1])) * np.where(e >= 0, 1.0, -1.0)
+    n = np.concatenate([np.where(z[:, None] < 0, folded, e), z[:, None]], axis=1)
+    return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+
+def read_list(texture: Any, count: int, kind: Any) -> np.ndarray:
+    """(count, components) of a list texture."""
+    return np.frombuffer(texture.read(), kind).reshape(-1, texture.components)[:count]
+
+
+def read_faces(voxels: Voxels, records: np.ndarray) -> np.ndarray:
+    """The faces, with what is known of them from their cells."""
+    count = voxels.faces.count
+    faces = np.zeros(count, _FACE)
+    cell, facing = np.nonzero(records[:, 3:] >> np.arange(6) & 1)
+    assert len(cell) == count and all(records[cell, 2] <= np.arange(count))
+    faces["cell"], faces["facing"] = cell, facing
+    place = read_list(voxels.faces.place, count, np.uint32)
+    faces["position"] = np.ascontiguousarray(place[:, :3]).view(np.float32)
+    faces["normal"] = _octahedral(place[:, 3])
+    reflectance = read_list(voxels.faces.reflectance, count, np.float16)
+    faces["reflectance"], faces["weight"] = reflectance[:, :3], reflectance[:, 3]
+    if voxels.faces.emission is not None:
+        faces["emission"] = read_list(voxels.faces.emission, count, np.float32)[:, :3]
+    return faces
 
 
 def read_voxels(voxels: Voxels, geometry: Geometry) -> VoxelData:
@@ -84,7 +116,7 @@ def read_voxels(voxels: Voxels, geometry: Geometry) -> VoxelData:
     cells = np.stack([packed & 2047, packed >> 11 & 2047, packed >> 22], axis=1).astype(np.int64)
     records = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count].astype(np.int64)
     triangles = np.frombuffer(voxels.cell_triangles.read(), np.uint32)[: voxels.pair_count].astype(np.int64)
-    return VoxelData(voxels, geometry, masks, cells, records, read_faces(voxels), triangles)
+    return VoxelData(voxels, geometry, masks, cells, records, read_faces(voxels, records), triangles)
 
 
 @contextlib.contextmanager
@@ -134,7 +166,7 @@ def radiance(made: Pipeline) -> np.ndarray:
     """(faces, 3): what leaves the voxel faces after all bounces."""
     voxels = made._voxelize.voxels
     assert voxels is not None
-    return np.frombuffer(made._bounce.radiance[0].read(), np.float32).reshape(-1, 4)[: voxels.face_count, :3].copy()
+    return read_list(made._bounce.radiance[0], voxels.faces.count, np.float32)[:, :3].copy()
 
 
 def unit_grid(size: int | tuple[int, int, int]) -> VoxelGrid:

@@ -108,11 +108,11 @@ def test_order_of_work_does_not_show(gpu: GpuContext, monkeypatch: pytest.Monkey
         original = VoxelizePass._work
 
         def shuffled(self: VoxelizePass, *arguments: Any) -> Any:
-            starts, work = original(self, *arguments)
-            items = np.frombuffer(work.read(), np.uint32).reshape(-1, 2)[: starts[-1]].copy()
+            total, work = original(self, *arguments)
+            items = np.frombuffer(work.read(), np.uint32).reshape(-1, 2)[:total].copy()
             np.random.default_rng(1).shuffle(items)
             work.write(items.tobytes())
-            return starts, work
+            return total, work
 
         monkeypatch.setattr(VoxelizePass, "_work", shuffled)
         with voxelized(gpu, made, unit_grid(SIZE)) as second:
@@ -134,11 +134,10 @@ def test_order_of_triangles_hardly_shows(gpu: GpuContext) -> None:
         renamed = second.pairs
         renamed[:, 3] = order[renamed[:, 3]]
         assert np.array_equal(first.pairs, renamed[np.lexsort(renamed.T[::-1])])
-        assert np.array_equal(first.faces["key"], second.faces["key"])
-        unit = (first.records[first.faces["cell"], 1] + 0.5) / interface.FIXED_ONE
         weights = first.faces["weight"], second.faces["weight"]
+        unit = (first.records[first.faces["cell"], 1] + 0.5) / interface.FIXED_ONE + weights[0] / 1024  # half floats
         # A side with next to nothing on it may have been rounded to nothing, and then is the back of the other side.
-        alike = np.minimum(*weights) > 2 * unit
+        alike = np.minimum(*weights) > 3 * unit
         assert alike.mean() > 0.9
         assert (np.abs(weights[0] - weights[1]) <= unit)[alike].all()
 
@@ -160,7 +159,7 @@ def test_a_plane_has_two_sides(gpu: GpuContext) -> None:
             faces = found.faces[found.faces["facing"] == facing]
             assert faces["weight"].sum() == pytest.approx(4.0 / 0.25, rel=1e-4)
             np.testing.assert_allclose(faces["reflectance"], np.broadcast_to([0.2, 0.5, 0.8], (len(faces), 3)), atol=1e-3)
-            np.testing.assert_allclose(faces["position_grid"][:, 2], 2.2 / 0.5, atol=1e-4)
+            np.testing.assert_allclose(faces["position"][:, 2], 2.2 / 0.5, atol=1e-4)
             np.testing.assert_allclose(faces["normal"], np.broadcast_to([0, 0, sign], (len(faces), 3)), atol=1e-6)
 
 
@@ -175,7 +174,7 @@ def test_two_sheets_in_one_cell_keep_their_colours(gpu: GpuContext) -> None:
         for facing, albedo, height in ((4, 0.9, 3.6), (5, 0.1, 3.4)):
             faces = found.faces[found.faces["facing"] == facing]
             np.testing.assert_allclose(faces["reflectance"], albedo, atol=1e-3)
-            np.testing.assert_allclose(faces["position_grid"][:, 2], height, atol=1e-3)
+            np.testing.assert_allclose(faces["position"][:, 2], height, atol=1e-3)
 
 
 def test_instances_are_transformed(gpu: GpuContext) -> None:
@@ -234,7 +233,7 @@ def test_odd_meshes_leave_no_trace(gpu: GpuContext) -> None:
     with np.errstate(all="ignore"):
         shape = scenes.soup(bad[:4])
     with voxelized(gpu, scenes.scene((shape, scenes.diffuse())), unit_grid(8)) as found:
-        assert len(found.cells) == 0 and found.voxels.face_count == 0
+        assert len(found.cells) == 0 and found.voxels.faces.count == 0
 
 
 def test_brick_distances() -> None:
