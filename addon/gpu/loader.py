@@ -239,7 +239,16 @@ def debug_messages(loader: Loader) -> list[str]:
 
 
 def enable_debug_messages(loader: Loader) -> None:
-    """Let the driver log its messages (GL_DEBUG_OUTPUT, synchronous)."""
+    """Let the driver log its messages (GL_DEBUG_OUTPUT, synchronous), and only errors and undefined behaviour.
+
+    The log is short (Mesa: 10 messages) and drops what comes when it is full: nothing else may fill it.
+    """
+    u = ctypes.c_uint
+    control = loader.function("glDebugMessageControl", None, u, u, u, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte)
+    any_source = any_severity = 0x1100  # GL_DONT_CARE
+    control(any_source, 0x1100, any_severity, 0, None, 0)
+    for kind in (0x824C, 0x824E):  # GL_DEBUG_TYPE_ERROR, GL_DEBUG_TYPE_UNDEFINED_BEHAVIOR
+        control(any_source, kind, any_severity, 0, None, 1)
     enable = loader.function("glEnable", None, ctypes.c_uint)
     enable(0x92E0)
     enable(0x8242)

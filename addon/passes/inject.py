@@ -37,7 +37,7 @@ def _fill(record: np.ndarray, light: LightData, grid: VoxelGrid) -> None:
     radiance = np.asarray(light.intensity, np.float64)
     if light.kind in (LightKind.POINT, LightKind.SPOT):
         record["radius_grid"] = light.radius / grid.cell_size
-        flags |= 0 if light.soft_falloff else interface.LIGHT_IS_SPHERE
+        flags |= interface.LIGHT_IS_SPHERE if light.radius > 0 and not light.soft_falloff else 0
         radiance = radiance / (np.pi * light.radius**2) if light.radius > 0 else radiance * 0.0
         if light.kind == LightKind.SPOT:
             cosine = np.cos(0.5 * light.spot_angle)
