@@ -55,6 +55,8 @@ class _Memo:
     def stale(self, step: str, *inputs: Any) -> bool:
         old = self._keys.get(step)
         same = old is not None and len(old) == len(inputs) and all(_same(a, b) for a, b in zip(old, inputs, strict=True))
+        if not same:
+            self._keys.pop(step, None)  # it is about to be redone, and may be interrupted
         return not same
 
     def done(self, step: str, *inputs: Any) -> None:

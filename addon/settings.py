@@ -130,11 +130,12 @@ class Settings:
         lo=16, hi=65536, soft_hi=4096, unit=Unit.MEBIBYTE,
     )
     bounces: int = _setting(
-        "Bounces", 8, "Times that light is passed between voxels before the picture gathers it. 0: direct light and "
-        "what it lights directly.", Panel.LIGHT, lo=0, hi=64, soft_hi=16, cost="voxel time grows in proportion",
+        "Bounces", 64, "Most times that light is passed between voxels before the picture gathers it; it stops sooner "
+        "when nothing changes any more. 0: only what lights reach directly.", Panel.LIGHT, lo=0, hi=1024, soft_hi=128,
+        cost="little: visibility is found once for all bounces",
     )
     bounce_rays: int = _setting(
-        "Rays per Bounce", 8, "Directions gathered at each voxel face in each bounce.", Panel.LIGHT,
+        "Rays per Bounce", 8, "Directions in which each voxel face sees others; rounded up to a multiple of four.", Panel.LIGHT,
         lo=1, hi=256, soft_hi=64, cost="voxel time grows in proportion",
     )
     use_direct: bool = _setting("Direct", True, "Light that comes straight from lights.", Panel.LIGHT)
@@ -216,9 +217,9 @@ class Settings:
 
 #: What each preset changes from the defaults.
 PRESETS: dict[str, dict[str, Any]] = {
-    "draft": {"samples": 4, "rays": 2, "bounces": 3, "bounce_rays": 4, "memory_budget": 64},
+    "draft": {"samples": 4, "rays": 2, "bounces": 16, "bounce_rays": 4, "memory_budget": 64},
     "balanced": {},
-    "final": {"samples": 128, "rays": 2, "bounces": 16, "bounce_rays": 16, "memory_budget": 1024},
+    "final": {"samples": 128, "rays": 2, "bounces": 256, "bounce_rays": 16, "memory_budget": 1024},
 }
 
 

@@ -140,7 +140,13 @@ class SurfacePass:
         for index, batch in enumerate(materials.batches):
             family = materials.compiled.families[batch.family]
             kernel = gpu.kernel(
-                "surface", material_pass.defines(batch) | {"HAS_OPACITY": family.has_transparency, "FLAT_SHADING": False},
+                "surface",
+                material_pass.defines(batch)
+                | {
+                    "HAS_OPACITY": family.has_transparency,
+                    "IS_LAYERED": materials.has_transparency,
+                    "FLAT_SHADING": False,
+                },
                 material_pass.texts(batch),
             )
             pictures.bind_images()
