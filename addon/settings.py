@@ -76,9 +76,10 @@ class Setting:
             raise ValueError(f"{self.name}: {value!r} is not {self._expected()}")
         if self.choices and value not in [identifier for identifier, _, _ in self.choices]:
             raise ValueError(f"{self.name}: '{value}' is not {self._expected()}")
-        inside = (self.lo is None or value >= self.lo) and (self.hi is None or value <= self.hi) if not self.choices else True
-        if self.kind in (int, float) and not inside:
-            raise ValueError(f"{self.name}: {value} is not {self._expected()}")
+        if self.kind in (int, float):
+            number = float(value)
+            if (self.lo is not None and number < self.lo) or (self.hi is not None and number > self.hi):
+                raise ValueError(f"{self.name}: {value} is not {self._expected()}")
         return value
 
     def _expected(self) -> str:
@@ -94,7 +95,7 @@ class Setting:
         return word + (f" ({self.unit.value})" if self.unit.value else "")
 
 
-def _setting(label: str, default: Any, help: str, panel: Panel, **more: Any) -> Any:  # noqa: A002
+def _setting(label: str, default: Any, help: str, panel: Panel, **more: Any) -> Any:
     setting = Setting(label=label, default=default, help=help, panel=panel, **more)
     return field(default=default, metadata={"setting": setting})
 

@@ -114,7 +114,8 @@ class SurfacePass:
         if not geometry.meshes:
             return
         program = gpu.program("visibility")
-        program["clip_from_grid"].write(np.ascontiguousarray(camera.raster_matrix(offset).T, np.float32).tobytes())
+        matrix: Any = program["clip_from_grid"]
+        matrix.write(np.ascontiguousarray(camera.raster_matrix(offset).T, np.float32).tobytes())
         for draw in geometry.meshes:
             if draw.vertex_array is None:
                 draw.vertex_array = gpu.adopt("vertex arrays", gpu.mgl.vertex_array(
