@@ -77,7 +77,7 @@ class Setting:
         if self.choices and value not in [identifier for identifier, _, _ in self.choices]:
             raise ValueError(f"{self.name}: '{value}' is not {self._expected()}")
         if self.kind in (int, float):
-            number = float(value)
+            number = float(value)  # type: ignore[arg-type]
             if (self.lo is not None and number < self.lo) or (self.hi is not None and number > self.hi):
                 raise ValueError(f"{self.name}: {value} is not {self._expected()}")
         return value
@@ -109,7 +109,7 @@ class Settings:
         lo=1, hi=65536, soft_hi=1024, cost="time grows in proportion",
     )
     rays: int = _setting(
-        "Rays per Pass", 2, "Diffuse directions gathered at each pixel in each pass.", Panel.SAMPLING,
+        "Rays per Pass", 4, "Diffuse directions gathered at each pixel in each pass.", Panel.SAMPLING,
         lo=1, hi=64, soft_hi=16, cost="gather time grows in proportion",
     )
     seed: int = _setting(
@@ -218,9 +218,9 @@ class Settings:
 
 #: What each preset changes from the defaults.
 PRESETS: dict[str, dict[str, Any]] = {
-    "draft": {"samples": 4, "rays": 2, "bounces": 16, "bounce_rays": 4, "memory_budget": 64},
+    "draft": {"samples": 4, "rays": 4, "bounces": 16, "bounce_rays": 4, "memory_budget": 64},
     "balanced": {},
-    "final": {"samples": 128, "rays": 2, "bounces": 256, "bounce_rays": 16, "memory_budget": 1024},
+    "final": {"samples": 128, "rays": 4, "bounces": 256, "bounce_rays": 16, "memory_budget": 1024},
 }
 
 
