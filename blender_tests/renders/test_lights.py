@@ -96,7 +96,8 @@ CASES = {
         "POINT", {"energy": P, "shadow_soft_size": 0.5, "normalize": False}, P / math.pi * disk_at(D, 0.5)),
     "exposure": Case("POINT", {"energy": P, "shadow_soft_size": 0.0, "exposure": -1.5}, POINT / D**2 * 2**-1.5),
     "colour": Case(
-        "POINT", {"energy": P, "shadow_soft_size": 0.0, "color": (1.0, 0.5, 0.25)}, POINT / D**2, color=(1.0, 0.5, 0.25)),
+        "POINT", {"energy": P, "shadow_soft_size": 0.0, "color": (1.0, 0.5, 0.25)}, POINT / D**2,
+        color=(1.0, 0.5, 0.25)),
     "temperature": Case(
         "POINT", {"energy": P, "shadow_soft_size": 0.0, "use_temperature": True, "temperature": 3000.0}, POINT / D**2,
         color=(1.7708, 0.8443, 0.2722)),
@@ -108,7 +109,8 @@ CASES = {
         "SPOT", {**SPOT, "shadow_soft_size": 0.25, "spot_blend": 0.0},
         P / (math.pi * 4 * math.pi * 0.25**2) * disk_at(D, 0.25)),
     "spot not normalized": Case(
-        "SPOT", {**SPOT, "shadow_soft_size": 0.5, "normalize": False, "spot_blend": 0.0}, P / math.pi * disk_at(D, 0.5)),
+        "SPOT", {**SPOT, "shadow_soft_size": 0.5, "normalize": False, "spot_blend": 0.0},
+        P / math.pi * disk_at(D, 0.5)),
     "sun": Case("SUN", {"energy": 3.0, "angle": 0.0}, 3.0),
     "sun aslant": Case("SUN", {"energy": 3.0, "angle": 0.01}, 3.0 * D / SLANT, position=(OFF, 0, D)),
     "wide sun": Case("SUN", {"energy": 3.0, "angle": math.radians(60)}, 3.0),

@@ -88,7 +88,9 @@ def box_vertices(low: Point, high: Point) -> list[tuple[float, float, float]]:
     return [(ends[i & 1][0], ends[i >> 1 & 1][1], ends[i >> 2][2]) for i in range(8)]
 
 
-def add_box(name: str, size: Point, location: Point, turn: float = 0.0, material: Any = None, inward: bool = False) -> Any:
+def add_box(
+    name: str, size: Point, location: Point, turn: float = 0.0, material: Any = None, inward: bool = False
+) -> Any:
     """A box around ``location``, turned about z."""
     half = [side / 2 for side in size]
     mesh = new_mesh(name, box_vertices([-h for h in half], half), box_faces(inward), material)
@@ -225,8 +227,10 @@ def add_light(kind: str, location: Point, target: Point = (0, 0, 0), name: str =
     return thing
 
 
-def add_camera(location: Point, target: Point, lens: float | None = None, ortho_scale: float | None = None, name: str = "Camera") -> Any:
-    """The scene's camera: perspective with a lens in millimetres (sensor 36), or orthographic with a scale in metres."""
+def add_camera(
+    location: Point, target: Point, lens: float | None = None, ortho_scale: float | None = None, name: str = "Camera"
+) -> Any:
+    """The scene's camera: perspective by a lens in millimetres (sensor 36), or orthographic by a scale in metres."""
     data = bpy.data.cameras.new(name)
     data.sensor_width = 36.0
     if lens is not None:

@@ -19,7 +19,7 @@ LAMPS = ("area", "point", "emitter")
 
 
 def scene(lamp: str = "area") -> Any:
-    """``lamp``: ``area`` (an area light in the ceiling), ``point`` (a small one), ``emitter`` (a small glowing quad)."""
+    """``lamp``: ``area`` (an area light at the ceiling), ``point``, ``emitter`` (a small glowing quad, not seen itself)."""
     result = build.empty_scene()
     white, red, green = build.diffuse("White", WHITE), build.diffuse("Red", RED), build.diffuse("Green", GREEN)
     w, d, h = WIDTH, DEPTH, HEIGHT
@@ -39,7 +39,8 @@ def scene(lamp: str = "area") -> Any:
     elif lamp == "emitter":
         glow = build.emission("Lamp", (1.0, 0.85, 0.6), 150.0)
         x, y, z, r = *centre, h - 0.3, 0.15
-        build.add_quad("Lamp", [(x - r, y + r, z), (x + r, y + r, z), (x + r, y - r, z), (x - r, y - r, z)], glow)
+        corners = [(x - r, y + r, z), (x + r, y + r, z), (x + r, y - r, z), (x - r, y - r, z)]
+        build.add_quad("Lamp", corners, glow).visible_camera = False
     else:
         raise ValueError(f"lamp '{lamp}' is not one of {', '.join(LAMPS)}")
     build.add_camera((w / 2, -8.0, h / 2), (w / 2, 0, h / 2), lens=50.0)
