@@ -96,9 +96,7 @@ ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float fo
         p.geometric_normal_ws = -p.geometric_normal_ws;
         p.normal_ws = -p.normal_ws;
     }
-    if (dot(p.normal_ws, p.geometric_normal_ws) <= 0.0) {
-        p.normal_ws = p.geometric_normal_ws;  // custom normals that point to the other side of the surface
-    }
+    // A corner normal that points to the other side stays so, and the surface is dark there: as in Cycles and EEVEE.
 
 #if MATERIAL_UV_LAYERS > 0
     float area = length(face_cross);

@@ -67,7 +67,11 @@ class MeshTable:
         """Index of the object's mesh (None: it has no triangles), and the slots that its triangles use."""
         key = (obj.data.as_pointer(), slot_count)
         if key not in self._entries:
-            extracted = extract_mesh(obj.data, slot_count)
+            if obj.data.is_editmode:  # its data is still with the editor: only a copy has attributes
+                extracted = extract_mesh(obj.to_mesh(), slot_count)
+                obj.to_mesh_clear()
+            else:
+                extracted = extract_mesh(obj.data, slot_count)
             if extracted.bad_triangles:
                 warnings.append(
                     f'object "{obj.name}": triangles left out because a vertex is not finite or beyond '
