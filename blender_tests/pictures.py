@@ -16,10 +16,9 @@ Picture = npt.NDArray[np.float32]
 def read(path: str | os.PathLike[str]) -> Picture:
     """The first part of an image file. Raises OSError naming the file when it cannot be read."""
     buffer = oiio.ImageBuf(str(path))
-    pixels = buffer.get_pixels(oiio.FLOAT)
-    if buffer.has_error or pixels is None:
+    if not buffer.read(force=True, convert=oiio.FLOAT):
         raise OSError(f"picture '{path}' cannot be read: {buffer.geterror()}")
-    return np.asarray(pixels, np.float32)
+    return np.asarray(buffer.get_pixels(oiio.FLOAT), np.float32)
 
 
 def write(path: str | os.PathLike[str], picture: Picture, *, half: bool = True) -> None:

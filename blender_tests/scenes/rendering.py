@@ -51,11 +51,16 @@ def conelight(size: tuple[int, int] | None = None, *, voxels: int = 64, **settin
     raise RenderError(session.last_error)
 
 
-def last_warnings() -> list[str]:
-    """What the engine said about the last picture."""
+def last_statistics() -> dict[str, Any]:
+    """What the engine counted while it made the last picture."""
     from addon.host import session
 
-    return list(session.last_statistics["warnings"])
+    return session.last_statistics
+
+
+def last_warnings() -> list[str]:
+    """What the engine said about the last picture."""
+    return list(last_statistics()["warnings"])
 
 
 def cycles(size: tuple[int, int] | None = None, *, samples: int, bounces: int = CYCLES_BOUNCES) -> Picture:
