@@ -201,7 +201,9 @@ class Pipeline:
         light = (settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.bounces)
         if memo.stale("radiance", *light):
             self._bounce.allocate(voxels)
-            for share in self._inject.run(voxels, self._lights, self._bounce.radiance[0], settings):
+            for share in self._inject.run(
+                voxels, self._lights, self._bounce.direct, self._bounce.radiance[0], settings
+            ):
                 yield Progress(0.8 + 0.1 * share, "Lighting voxels")
             if features.bounces:
                 for share in self._bounce.run(voxels, self._links, settings):
@@ -256,7 +258,7 @@ class Pipeline:
             "samples": self.film.samples,
             "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
             "occupied": voxels.cell_count if voxels else 0,
-            "faces": voxels.face_count if voxels else 0,
+            "faces": voxels.faces.count if voxels else 0,
             "bounces": self._bounce.bounces if self.features and self.features.bounces else 0,
             "features": self.features.names if self.features else [],
             "passes": [

@@ -35,27 +35,26 @@ EMISSION_SUM_WORDS = 6
 #: A face or a triangle that is not there.
 NONE_INDEX = 0xFFFFFFFF
 
-# Storage buffers. A compute shader may count on eight in GL 4.3, so slots are shared by steps that do not meet.
+# Storage buffers. A compute shader may count on eight in GL 4.3. What inner loops read lies in textures instead: software
+# rasterizers fetch a texel five times faster than the same words of a buffer.
 BUFFERS = (
-    "BUF_INSTANCES",  # Instance[]
-    "BUF_VERTICES",  # uint[3 T]: vertex of each triangle corner; float[3 V] positions follow in BUF_POSITIONS
-    "BUF_ATTRIBUTES",  # uint[]: corner normals, UV and colour layers
-    "BUF_MATERIALS",  # Material[] or vec4[] parameters
-    "BUF_WORK",  # work items
-    "BUF_FACES",  # Face[]
-    "BUF_SUMS",  # voxelization sums, counters
-    "BUF_LIGHTS",  # Light[]
+    "BUF_INSTANCES",  # Instance[] (to transform triangles)
+    "BUF_VERTICES",  # uint[3 T]: vertex of each triangle corner
+    "BUF_POSITIONS",  # float[3 V]
+    "BUF_MATERIALS",  # uint[]: slots of instances, or batch of each material; world parameters
+    "BUF_WORK",  # work items, pixel lists
+    "BUF_PAIRS",  # uvec4[]: a triangle in a cell
+    "BUF_SUMS",  # voxelization sums, arguments of dispatches
+    "BUF_COUNTS",  # counters and cursors
 )
-# One slot, two names: never read by the same step.
-BUFFER_ALIASES = {"BUF_POSITIONS": "BUF_FACES", "BUF_COUNTS": "BUF_LIGHTS", "BUF_LINKS": "BUF_SUMS"}
 
 # Texture units. GL 4.3 promises sixteen to a stage.
 TEXTURES = (
     "TEX_TRIANGLES",  # rgba32ui 2D, three texels a triangle: corner 0, edge 1, edge 2 in grid space; w: packed integers
-    "TEX_BRICK_MASK",  # r32ui 3D, two words a brick (side by side in x): occupied cells
-    "TEX_BRICK_BASE",  # r32ui 3D: index of a brick's first occupied cell
+    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, index of the first cell, bricks to the nearest other
+    "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
     "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, face mask
-    "TEX_BRICK_DISTANCE",  # r8ui 3D: bricks to the nearest one that is not empty
+    "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
     "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells
     "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them
     "TEX_FACE_RADIANCE",  # rgba32f 2D list: radiance leaving each voxel face
@@ -68,18 +67,31 @@ TEXTURES = (
     "TEX_F90",  # rgba16f 2D, pixels: and at grazing incidence
     "TEX_EMISSION",  # rgba32f 2D, pixels: W/(m2 sr)
 )
-# Composition reads no grid: what it composes has the grid's units.
+# One unit, two names: never read by the same program.
 TEXTURE_ALIASES = {
+    # Voxel faces, where there are no pixels.
+    "TEX_FACE_PLACE": "TEX_POSITION",  # rgba32ui list: position (grid space), normal (octahedral)
+    "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16f list: reflectance, weight
+    "TEX_FACE_EMISSION": "TEX_DIFFUSE",  # rgba32f list: W/(m2 sr)
+    "TEX_FACE_DIRECT": "TEX_F0",  # rgba32f list: emission and what lights send off the face, W/(m2 sr)
+    "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
+    "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
+    # Materials, where no ray is traced.
+    "TEX_ATTRIBUTES": "TEX_BRICKS",  # r32ui list: corner normals, UV and colour layers
+    "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters
+    "TEX_CELL_POSITIONS": "TEX_CELL_OPACITIES",  # r32ui list: x | y << 11 | z << 22
+    # Composition reads no grid: what it composes has the grid's units.
     "TEX_DIRECT_DIFFUSE": "TEX_TRIANGLES",
-    "TEX_DIRECT_GLOSSY": "TEX_BRICK_MASK",
-    "TEX_INDIRECT_DIFFUSE": "TEX_BRICK_BASE",
+    "TEX_DIRECT_GLOSSY": "TEX_BRICKS",
+    "TEX_INDIRECT_DIFFUSE": "TEX_INSTANCES",
     "TEX_INDIRECT_GLOSSY": "TEX_CELLS",
 }
-#: Material textures share units with what a step that evaluates materials never reads: all after the cells.
-FIRST_MATERIAL_TEXTURE = 4
-MAX_MATERIAL_TEXTURES = 12
+#: Material textures share units with what a step that evaluates materials never reads. GL promises sixteen units, so
+#: nine textures; more where the driver has more.
+FIRST_MATERIAL_TEXTURE = 7
+MAX_MATERIAL_TEXTURES = 24
 
-_ALIASES = BUFFER_ALIASES | TEXTURE_ALIASES
+_ALIASES = TEXTURE_ALIASES
 
 IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_7")
 
@@ -115,12 +127,32 @@ class Struct:
             offset += size
             alignment = max(alignment, align)
         itemsize = -(-offset // alignment) * alignment
+        assert itemsize % 16 == 0, f"{self.name} is read as whole texels too"
         return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": itemsize})
 
     @property
+    def texels(self) -> int:
+        """Texels of one record in a rgba32ui list."""
+        return self.dtype.itemsize // 16
+
+    @property
     def glsl(self) -> str:
-        lines = [f"    {kind} {name};  // {doc}" for name, kind, doc in self.fields]
-        return "\n".join([f"struct {self.name} {{", *lines, "};"])
+        """The struct, and a function that fetches one record from a rgba32ui list texture."""
+        name = self.name
+        lines = [f"    {kind} {field};  // {doc}" for field, kind, doc in self.fields]
+        lines = [f"struct {name} {{", *lines, "};", f"{name} fetch_{name.lower()}(usampler2D list, uint index)", "{"]
+        for k in range(self.texels):
+            at = f"index * {self.texels}u + {k}u"
+            lines.append(f"    uvec4 t{k} = texelFetch(list, ivec2(({at}) % uint(LIST_WIDTH), ({at}) / uint(LIST_WIDTH)), 0);")
+        lines.append(f"    {name} r;")
+        dtype = self.dtype
+        for field, kind, _ in self.fields:
+            word = dtype.fields[field][1] // 4  # type: ignore[index]
+            count = _GLSL_SIZE[kind][1] // 4
+            value = f"t{word // 4}.{'xyzw'[word % 4 : word % 4 + count]}"
+            value = {"uint": value, "int": f"int({value})"}.get(kind, f"uintBitsToFloat({value})")
+            lines.append(f"    r.{field} = {value};")
+        return "\n".join([*lines, "    return r;", "}"])
 
 
 INSTANCE = Struct(
@@ -143,6 +175,7 @@ INSTANCE = Struct(
         ("random", "float", "0..1"),
         ("object_index", "float", ""),
         ("mirrored", "uint", "1 when the matrix has a negative determinant"),
+        ("pad", "uint", ""),
     ),
 )
 
@@ -163,26 +196,11 @@ LIGHT = Struct(
         ("spot_smooth", "float", "spot: 1 / ((1 - cos_cone) blend); area: half the spread"),
         ("flags", "uint", "RAY_* that see it; LIGHT_CASTS_SHADOW, LIGHT_IS_ELLIPSE, LIGHT_IS_SPHERE"),
         ("radiance", "vec3", "of the visible disk, sphere or area"),
+        ("pad", "uint", ""),
     ),
 )
 
-FACE = Struct(
-    "Face",
-    (
-        ("position_grid", "vec3", "a point on the surface that the face stands for"),
-        ("weight", "float", "area facing this way, in cell sides"),
-        ("normal", "vec3", "unit normal of the surface there"),
-        ("key", "uint", "cell and facing, the same on every run: seeds the face's random numbers"),
-        ("reflectance", "vec3", "diffuse and specular together, as a Lambertian"),
-        ("cell", "uint", "index of its occupied cell"),
-        ("emission", "vec3", "W/(m2 sr)"),
-        ("facing", "uint", "0..5: +x -x +y -y +z -z"),
-        ("direct", "vec3", "emission and what lights send off it, W/(m2 sr)"),
-        ("pad", "float", ""),
-    ),
-)
-
-STRUCTS = (INSTANCE, LIGHT, FACE)
+STRUCTS = (INSTANCE, LIGHT)
 
 
 def prelude() -> str:

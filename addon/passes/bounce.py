@@ -15,7 +15,7 @@ from ..settings import Settings
 from .voxelize import Voxels
 from .world import WorldLight
 
-FACES_PER_STEP = 1 << 14
+THREADS_PER_STEP = 1 << 15
 #: Bounces between two looks at how much has changed, and the change at which they stop.
 CHECK_EVERY = 4
 CONVERGED = 1e-3
@@ -26,33 +26,34 @@ class LinkPass:
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
-        self.links: moderngl.Buffer | None = None
+        self.links: moderngl.Texture | None = None
         self.sky: moderngl.Texture | None = None
         self.count = 0
 
     def run(self, voxels: Voxels, world: WorldLight, settings: Settings) -> Iterator[float]:
-        """Trace the links. Yields the share done. Raises MemoryError when the driver allows no such buffer."""
+        """Trace the links. Yields the share done. Raises MemoryError when there are too many for a texture."""
         self.release()
         gpu, slot = self.gpu, interface.slot
-        self.count = settings.bounce_rays
-        links = gpu.buffer("links", size=4 * self.count * max(voxels.face_count, 1))
+        self.count = -(-settings.bounce_rays // 4) * 4  # four to a texel
+        links = gpu.list_texture("links", voxels.faces.count * self.count // 4, 4, "u4")
         self.links = links
         if world.is_lit:
-            self.sky = gpu.list_texture("sky light of faces", voxels.face_count, 4, "f4")
+            self.sky = gpu.list_texture("sky light of faces", voxels.faces.count, 4, "f4")
         kernel = gpu.kernel("link", voxels.trace_defines | world.defines)
-        for first in range(0, voxels.face_count, FACES_PER_STEP):
+        threads = 6 * voxels.cell_count  # one for each facing of each cell: see face_of_thread() in the shaders
+        for first in range(0, threads, THREADS_PER_STEP):
             with gpu.timed("link"):
                 voxels.bind(kernel)
                 world.bind(kernel)
-                voxels.faces.bind_to_storage_buffer(slot("BUF_FACES"))
-                links.bind_to_storage_buffer(slot("BUF_LINKS"))
+                voxels.faces.bind()
+                links.bind_to_image(slot("IMG_0"), read=False, write=True)
                 if self.sky is not None:
-                    self.sky.bind_to_image(slot("IMG_0"), read=False, write=True)
+                    self.sky.bind_to_image(slot("IMG_1"), read=False, write=True)
                 kernel.set(
-                    face_first=first, face_count=voxels.face_count, link_count=self.count, random_seed=settings.seed
+                    thread_first=first, cell_count=voxels.cell_count, link_count=self.count, random_seed=settings.seed
                 )
-                kernel.run_list(min(FACES_PER_STEP, voxels.face_count - first))
-            yield min(1.0, (first + FACES_PER_STEP) / voxels.face_count)
+                kernel.run_list(min(THREADS_PER_STEP, threads - first))
+            yield min(1.0, (first + THREADS_PER_STEP) / threads)
         gpu.barrier()  # bounces read links and sky
 
     def release(self) -> None:
@@ -67,12 +68,14 @@ class BouncePass:
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.radiance: list[Any] = []
+        self.direct: Any = None
         self.bounces = 0
 
     def allocate(self, voxels: Voxels) -> None:
         """Make room for the radiance of all faces."""
         self.release()
-        self.radiance = [self.gpu.list_texture("face radiance", voxels.face_count, 4, "f4") for _ in range(2)]
+        self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 4, "f4") for _ in range(2)]
+        self.direct = self.gpu.list_texture("face direct light", voxels.faces.count, 4, "f4")
 
     def run(self, voxels: Voxels, links: LinkPass, settings: Settings) -> Iterator[float]:
         """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done."""
@@ -85,13 +88,14 @@ class BouncePass:
             with gpu.timed("bounce"):
                 source, target = self.radiance
                 source.use(slot("TEX_FACE_RADIANCE"))
-                voxels.faces.bind_to_storage_buffer(slot("BUF_FACES"))
-                links.links.bind_to_storage_buffer(slot("BUF_LINKS"))
+                voxels.faces.bind()
+                self.direct.use(slot("TEX_FACE_DIRECT"))
+                links.links.use(slot("TEX_LINKS"))
                 target.bind_to_image(slot("IMG_0"), read=False, write=True)
                 if links.sky is not None:
                     links.sky.use(slot("TEX_WORLD"))
-                kernel.set(face_count=voxels.face_count, link_count=links.count)
-                kernel.run_list(voxels.face_count)
+                kernel.set(face_count=voxels.faces.count, link_count=links.count)
+                kernel.run_list(voxels.faces.count)
                 gpu.barrier()  # the next bounce reads what this one wrote
                 self.radiance.reverse()
                 self.bounces += 1
@@ -104,5 +108,5 @@ class BouncePass:
 
     def release(self) -> None:
         """Free everything."""
-        self.gpu.free(*self.radiance)
-        self.radiance = []
+        self.gpu.free(*self.radiance, self.direct)
+        self.radiance, self.direct = [], None

@@ -94,6 +94,7 @@ class Film:
             for name, texture in self._sums.items():
                 kernel = self.gpu.kernel("compose", numbers | has | {"OUTPUT": f"OUTPUT_{name.upper()}"})
                 bind_pixels(kernel, surface, camera, offset)
+                surface.emission.use(slot("TEX_EMISSION"))
                 world.bind(kernel)
                 for pictures, kind in ((direct, "DIRECT"), (indirect, "INDIRECT")):
                     if pictures is not None and pictures.diffuse is not None:

@@ -46,7 +46,7 @@ class ConeVolume:
                 if level == 0:
                     voxels.bind(kernel)
                     radiance.use(slot("TEX_FACE_RADIANCE"))
-                    voxels.faces.bind_to_storage_buffer(slot("BUF_FACES"))
+                    voxels.faces.bind()
                 else:
                     volume.use(slot("TEX_CONES"))
                     kernel.set(finer_level=level - 1)

@@ -23,9 +23,9 @@ class Geometry:
     grid: VoxelGrid
     triangle_count: int
     triangles: moderngl.Texture
-    instances: moderngl.Buffer
-    corners: moderngl.Buffer
-    attributes: moderngl.Buffer
+    instances: moderngl.Texture
+    corners: moderngl.Texture
+    attributes: moderngl.Texture
     meshes: list[MeshDraw] = field(default_factory=list)
 
 
@@ -141,10 +141,13 @@ class GeometryPass:
             slots += [material | flags << 24 for material in instance.materials]
             total += len(mesh.triangle_vertices)
 
+        words = attributes.array()
+        texels = records.view(np.uint32).reshape(-1, 4)
+        corner_rows = np.concatenate(corners) if corners else np.zeros((1, 4), np.uint32)
         self._owned = [
-            gpu.buffer("instances", records),
-            gpu.buffer("corners", np.concatenate(corners) if corners else np.zeros(4, np.uint32)),
-            gpu.buffer("attributes", attributes.array()),
+            gpu.list_texture("instances", len(texels), 4, "u4", texels),
+            gpu.list_texture("corners", len(corner_rows), 4, "u4", corner_rows),
+            gpu.list_texture("attributes", len(words), 1, "u4", words),
         ]
         rows = max(1, -(-total // interface.TRIANGLES_PER_ROW))
         if rows > 16384:
@@ -153,25 +156,27 @@ class GeometryPass:
         self._owned.append(triangles)
         geometry = Geometry(grid, total, triangles, *self._owned[:3])
         if total:
-            self._transform(geometry, vertices, positions, slots, len(scene.instances))
+            self._transform(geometry, records, vertices, positions, slots)
             geometry.meshes = self._draws(scene, records, used)
         self.geometry = geometry
         return geometry
 
     def _transform(
-        self, geometry: Geometry, vertices: list[np.ndarray], positions: list[np.ndarray], slots: list[int], instances: int
+        self, geometry: Geometry, records: np.ndarray, vertices: list[np.ndarray], positions: list[np.ndarray],
+        slots: list[int],
     ) -> None:
         gpu = self.gpu
         temporary = [
             gpu.buffer("transform input", np.concatenate(vertices)),
             gpu.buffer("transform input", np.concatenate(positions)),
             gpu.buffer("transform input", np.array(slots, np.uint32)),
+            gpu.buffer("transform input", records),
         ]
-        kernel = gpu.kernel("transform").set(triangle_count=geometry.triangle_count, instance_count=instances)
-        geometry.instances.bind_to_storage_buffer(interface.slot("BUF_INSTANCES"))
+        kernel = gpu.kernel("transform").set(triangle_count=geometry.triangle_count, instance_count=len(records))
+        temporary[3].bind_to_storage_buffer(interface.slot("BUF_INSTANCES"))
         temporary[0].bind_to_storage_buffer(interface.slot("BUF_VERTICES"))
         temporary[1].bind_to_storage_buffer(interface.slot("BUF_POSITIONS"))
-        geometry.corners.bind_to_storage_buffer(interface.slot("BUF_ATTRIBUTES"))
+        geometry.corners.use(interface.slot("TEX_CORNERS"))
         temporary[2].bind_to_storage_buffer(interface.slot("BUF_MATERIALS"))
         geometry.triangles.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
         kernel.run_list(geometry.triangle_count)

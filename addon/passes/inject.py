@@ -15,7 +15,7 @@ from ..scene import AreaShape, LightData, LightKind
 from ..settings import Settings
 from .voxelize import Voxels
 
-FACES_PER_STEP = 1 << 16
+THREADS_PER_STEP = 1 << 17
 
 
 def light_records(lights: Sequence[LightData], grid: VoxelGrid) -> np.ndarray:
@@ -64,7 +64,7 @@ class LightTable:
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
-        self.buffer: moderngl.Buffer | None = None
+        self.records: moderngl.Texture | None = None
         self.count = 0
         self.cell_size = 1.0
 
@@ -73,39 +73,47 @@ class LightTable:
         self.release()
         self.count = len(lights)
         self.cell_size = grid.cell_size
-        self.buffer = self.gpu.buffer("lights", light_records(lights, grid))
+        texels = light_records(lights, grid).view(np.uint32).reshape(-1, 4)
+        self.records = self.gpu.list_texture("lights", len(texels), 4, "u4", texels)
 
     def bind(self, kernel: Kernel, settings: Settings) -> None:
         """Bind what lib/light.glsl reads."""
-        assert self.buffer is not None
-        self.buffer.bind_to_storage_buffer(interface.slot("BUF_LIGHTS"))
+        assert self.records is not None
+        self.records.use(interface.slot("TEX_LIGHTS"))
         kernel.set(light_count=self.count, cell_size=self.cell_size, light_falloff=settings.light_falloff)
 
     def release(self) -> None:
-        """Free the buffer."""
-        self.gpu.free(self.buffer)
-        self.buffer = None
+        """Free the records."""
+        self.gpu.free(self.records)
+        self.records = None
 
 
 class InjectPass:
-    """Writes ``Face.direct`` and the first radiance of all faces."""
+    """Writes the direct light of all faces, which is their first radiance too."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
 
-    def run(self, voxels: Voxels, lights: LightTable, radiance: moderngl.Texture, settings: Settings) -> Iterator[float]:
+    def run(
+        self, voxels: Voxels, lights: LightTable, direct: moderngl.Texture, radiance: moderngl.Texture,
+        settings: Settings,
+    ) -> Iterator[float]:
         """Yields the share done."""
-        kernel = self.gpu.kernel("inject", voxels.trace_defines)
-        for first in range(0, voxels.face_count, FACES_PER_STEP):
+        kernel = self.gpu.kernel(
+            "inject", voxels.trace_defines | {"HAS_EMISSION": voxels.faces.emission is not None}
+        )
+        threads = 6 * voxels.cell_count  # one for each facing of each cell: see face_of_thread() in the shaders
+        for first in range(0, threads, THREADS_PER_STEP):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
+                voxels.faces.bind()
                 lights.bind(kernel, settings)
-                voxels.faces.bind_to_storage_buffer(interface.slot("BUF_FACES"))
                 radiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
+                direct.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
                 kernel.set(
-                    face_first=first, face_count=voxels.face_count, random_seed=settings.seed,
+                    thread_first=first, cell_count=voxels.cell_count, random_seed=settings.seed,
                     use_shadows=settings.use_shadows,
                 )
-                kernel.run_list(min(FACES_PER_STEP, voxels.face_count - first))
-            yield min(1.0, (first + FACES_PER_STEP) / voxels.face_count)
+                kernel.run_list(min(THREADS_PER_STEP, threads - first))
+            yield min(1.0, (first + THREADS_PER_STEP) / threads)
         self.gpu.barrier()  # bounces and the gather read the radiance as a texture

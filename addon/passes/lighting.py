@@ -100,8 +100,8 @@ class DirectPass:
 
         def bind() -> None:
             voxels.bind(kernel)
-            lights.bind(kernel, settings)
             bind_pixels(kernel, surface, camera, offset)
+            lights.bind(kernel, settings)
             if shadow_cones:
                 cones.bind(kernel)
             self.pictures.bind_images()
@@ -152,9 +152,9 @@ class GatherPass:
             voxels.bind(kernel)
             if radiance is not None:
                 radiance.use(interface.slot("TEX_FACE_RADIANCE"))
-            lights.bind(kernel, settings)
             world.bind(kernel)
             bind_pixels(kernel, surface, camera, offset)
+            lights.bind(kernel, settings)
             if gather_cones:
                 cones.bind(kernel)
             self.pictures.bind_images()

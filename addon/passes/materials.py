@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import moderngl
 import numpy as np
@@ -14,6 +14,9 @@ from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
 from ..materials.compile import CompiledMaterials, compile_materials
 from ..materials.graph import ImageData, ImageEncoding, MaterialData
+
+if TYPE_CHECKING:
+    from .geometry import Geometry
 
 _SRGB8_ALPHA8 = 0x8C43
 
@@ -37,7 +40,7 @@ class MaterialSet:
     layers: list[tuple[str, str | None]]  # ("uv" or "color", name) read by any material
     batches: list[Batch]
     batch_of_material: np.ndarray  # (M,) uint32
-    values: moderngl.Buffer
+    values: moderngl.Texture
     batch_table: moderngl.Buffer
     textures: list[moderngl.Texture]
 
@@ -95,7 +98,8 @@ class MaterialPass:
             header[index, 0] = first
             parts.append(np.asarray(material.parameters, np.float32).reshape(-1, 4))
             first += len(parts[-1])
-        values = self.gpu.buffer("material values", np.concatenate(parts))
+        rows = np.concatenate(parts)
+        values = self.gpu.list_texture("material values", len(rows), 4, "f4", rows)
         table = self.gpu.buffer("material batches", batch_of_material)
         textures = [upload_image(self.gpu, image) for image in compiled.images]
         self._owned = [values, table, *textures]
@@ -116,14 +120,20 @@ class MaterialPass:
         family = self.set.compiled.families[batch.family]
         return {"MATERIAL_UV_LAYERS": family.uv_layers, "MATERIAL_COLOR_LAYERS": family.color_layers}
 
-    def bind(self, batch: Batch, kernel: Kernel) -> None:
-        """Bind a batch's textures, parameters and layers before its program runs."""
+    def bind(self, batch: Batch, kernel: Kernel, geometry: Geometry) -> None:
+        """Bind what lib/geometry.glsl and a batch's materials read."""
         assert self.set is not None
+        slot = interface.slot
+        geometry.triangles.use(slot("TEX_TRIANGLES"))
+        geometry.instances.use(slot("TEX_INSTANCES"))
+        geometry.corners.use(slot("TEX_CORNERS"))
+        geometry.attributes.use(slot("TEX_ATTRIBUTES"))
+        self.set.values.use(slot("TEX_MATERIALS"))
+        kernel.set(cell_size=geometry.grid.cell_size, grid_origin_ws=geometry.grid.origin)
         for unit, (image, extension, interpolation) in enumerate(batch.textures):
             location = interface.FIRST_MATERIAL_TEXTURE + unit
             self.set.textures[image].use(location)
             self._sampler(extension, interpolation).use(location)
-        self.set.values.bind_to_storage_buffer(interface.slot("BUF_MATERIALS"))
         for name, indices in (("material_uv_layers", batch.uv_layers), ("material_color_layers", batch.color_layers)):
             if indices and kernel.shader.get(name, None) is not None:
                 kernel.shader[name].value = indices if len(indices) > 1 else indices[0]

@@ -43,7 +43,6 @@ class SurfacePictures:
         self.diffuse.use(slot("TEX_DIFFUSE"))
         self.f0.use(slot("TEX_F0"))
         self.f90.use(slot("TEX_F90"))
-        self.emission.use(slot("TEX_EMISSION"))
 
     def bind_images(self) -> None:
         """Bind for writing."""
@@ -141,21 +140,14 @@ class SurfacePass:
         for index, batch in enumerate(materials.batches):
             family = materials.compiled.families[batch.family]
             kernel = gpu.kernel(
-                "surface", material_pass.defines(batch) | {"HAS_OPACITY": family.has_transparency},
+                "surface", material_pass.defines(batch) | {"HAS_OPACITY": family.has_transparency, "FLAT_SHADING": False},
                 material_pass.texts(batch),
             )
             pictures.bind_images()
-            geometry.triangles.use(slot("TEX_TRIANGLES"))
-            geometry.instances.bind_to_storage_buffer(slot("BUF_INSTANCES"))
-            geometry.corners.bind_to_storage_buffer(slot("BUF_VERTICES"))
-            geometry.attributes.bind_to_storage_buffer(slot("BUF_ATTRIBUTES"))
             self._pixels.bind_to_storage_buffer(slot("BUF_WORK"))
             self._bins.bind_to_storage_buffer(slot("BUF_SUMS"))
-            material_pass.bind(batch, kernel)
-            kernel.set(
-                batch=index, random_seed=seed, cell_size=geometry.grid.cell_size, grid_origin_ws=geometry.grid.origin,
-                **camera.uniforms(offset),
-            )
+            material_pass.bind(batch, kernel, geometry)
+            kernel.set(batch=index, random_seed=seed, **camera.uniforms(offset))
             kernel.run_indirect(self._bins, 20 * index)
             material_pass.unbind(batch)
         gpu.barrier()  # lighting reads the pictures as textures

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Exact, order-independent voxelization into six faces, stored for occupied cells only.
 
-The cells that surfaces enter are marked, one bit each, in bricks of 4x4x4; then counted and numbered; then the
-triangles are listed cell by cell (rays are exact against them) and their materials summed face by face. Everything is
+The cells that surfaces enter are marked, one bit each, in bricks of 4x4x4, and numbered; then every pair of a triangle
+and a cell it enters is written down; then the pairs are listed cell by cell (rays are exact against the triangles) and
+their materials summed face by face. Everything is
 allocated from counts. Overlaps are exact (lib/overlap.glsl), so no cell is missed, and all sums are integers, so the
 same scene gives the same bits on every run.
 """
@@ -23,10 +24,28 @@ from ..scene import RayVisibility
 from .geometry import Geometry
 from .materials import MaterialPass, MaterialSet
 
-#: Work items in one dispatch: bounds how long a step takes, so that cancelling is quick.
-ITEMS_PER_STEP = 1 << 18
+#: Pairs in one dispatch: bounds how long a step takes, so that cancelling is quick.
+PAIRS_PER_STEP = 1 << 18
 
 _POPCOUNT = np.array([bin(value).count("1") for value in range(1 << 16)], np.uint8)
+
+
+@dataclass
+class Faces:
+    """Voxel faces, as lib/face.glsl reads them: list textures, one entry a face."""
+
+    count: int
+    place: moderngl.Texture  # rgba32ui
+    reflectance: moderngl.Texture  # rgba16f
+    emission: moderngl.Texture | None  # rgba32f
+
+    def bind(self) -> None:
+        """Bind for reading."""
+        slot = interface.slot
+        self.place.use(slot("TEX_FACE_PLACE"))
+        self.reflectance.use(slot("TEX_FACE_REFLECTANCE"))
+        if self.emission is not None:
+            self.emission.use(slot("TEX_FACE_EMISSION"))
 
 
 @dataclass
@@ -34,16 +53,13 @@ class Voxels:
     """The sparse voxel grid, as lib/grid.glsl and lib/trace.glsl read it."""
 
     grid: VoxelGrid
-    brick_mask: moderngl.Texture3D
-    brick_base: moderngl.Texture3D
-    brick_distance: moderngl.Texture3D
+    bricks: moderngl.Texture3D
     cells: moderngl.Texture
     cell_triangles: moderngl.Texture
     cell_opacities: moderngl.Texture | None
-    faces: moderngl.Buffer
+    faces: Faces
     triangles: moderngl.Texture
     cell_count: int
-    face_count: int
     pair_count: int  # triangles, counted once for each cell they enter
 
     @property
@@ -54,9 +70,7 @@ class Voxels:
         """Bind everything that tracing reads."""
         slot = interface.slot
         self.triangles.use(slot("TEX_TRIANGLES"))
-        self.brick_mask.use(slot("TEX_BRICK_MASK"))
-        self.brick_base.use(slot("TEX_BRICK_BASE"))
-        self.brick_distance.use(slot("TEX_BRICK_DISTANCE"))
+        self.bricks.use(slot("TEX_BRICKS"))
         self.cells.use(slot("TEX_CELLS"))
         self.cell_triangles.use(slot("TEX_CELL_TRIANGLES"))
         if self.cell_opacities is not None:
@@ -124,122 +138,138 @@ class VoxelizePass:
 
     def _steps(self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass) -> Iterator[float]:
         gpu, slot, grid = self.gpu, interface.slot, geometry.grid
-        mask = gpu.texture_3d("brick masks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
-        self._owned.append(mask)
+        mask = gpu.texture_3d("voxel marks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
+        self._temporary.append(mask)
         with gpu.timed("voxelize"):
-            starts, work = self._work(geometry, materials)
-        total = int(starts[-1])
+            total, work = self._work(geometry)
         yield 0.1
 
         with gpu.timed("voxelize"):
+            counters = gpu.buffer("voxel counters", size=4 * len(materials.batches))
+            self._temporary.append(counters)
             kernel = gpu.kernel("voxel_mark").set(grid_size=grid.size, work_count=total)
             geometry.triangles.use(slot("TEX_TRIANGLES"))
             work.bind_to_storage_buffer(slot("BUF_WORK"))
+            materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
+            counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
             mask.bind_to_image(slot("IMG_0"), read=True, write=True)
             kernel.run_list(total)
             gpu.barrier()  # read back, then as a texture
-            base, distance, packed = self._number_cells(mask, grid)
+            bricks, packed = self._number_cells(mask, grid)
+            batch_counts = np.frombuffer(counters.read(), np.uint32)[: len(materials.batches)].astype(np.int64)
+            starts = np.concatenate([[0], np.cumsum(batch_counts)])
+            counters.write(starts[:-1].astype(np.uint32).tobytes())
         cells = len(packed)
         yield 0.25
 
         with gpu.timed("voxelize"):
+            pairs = gpu.buffer("voxel pairs", size=16 * int(starts[-1]))
             counts = gpu.buffer("voxel counts", size=8 * cells)
-            self._temporary.append(counts)
-            kernel = gpu.kernel("voxel_count").set(grid_size=grid.size, work_count=total)
-            geometry.triangles.use(slot("TEX_TRIANGLES"))
-            mask.use(slot("TEX_BRICK_MASK"))
-            base.use(slot("TEX_BRICK_BASE"))
-            work.bind_to_storage_buffer(slot("BUF_WORK"))
-            counts.bind_to_storage_buffer(slot("BUF_COUNTS"))
+            self._temporary += [pairs, counts]
+            kernel = gpu.kernel("voxel_pairs").set(grid_size=grid.size, work_count=total)
+            bricks.use(slot("TEX_BRICKS"))
+            counts.bind_to_storage_buffer(slot("BUF_SUMS"))
+            pairs.bind_to_storage_buffer(slot("BUF_PAIRS"))
             kernel.run_list(total)
-            gpu.barrier()  # read back
-            voxels = self._allocate(geometry, materials, mask, base, distance, counts, cells)
+            gpu.barrier()  # the counts are read back, the pairs by the next step
+            voxels = self._allocate(geometry, materials, bricks, counts, cells)
+            positions = gpu.list_texture("voxel cell positions", cells, 1, "u4", packed if cells else None)
+            self._temporary.append(positions)
         yield 0.4
 
         words = interface.FACE_SUM_WORDS + (interface.EMISSION_SUM_WORDS if materials.has_emission else 0)
         with gpu.timed("voxelize"):
-            sums = gpu.buffer("voxel sums", size=4 * words * voxels.face_count)
+            sums = gpu.buffer("voxel sums", size=4 * words * voxels.faces.count)
             self._temporary.append(sums)
         for index, batch in enumerate(materials.batches):
-            for first in range(int(starts[index]), int(starts[index + 1]), ITEMS_PER_STEP):
-                count = min(ITEMS_PER_STEP, int(starts[index + 1]) - first)
+            for first in range(int(starts[index]), int(starts[index + 1]), PAIRS_PER_STEP):
+                count = min(PAIRS_PER_STEP, int(starts[index + 1]) - first)
                 with gpu.timed("voxelize"):
                     kernel = gpu.kernel(
                         "voxel_accumulate",
                         material_pass.defines(batch)
                         | voxels.trace_defines
-                        | {"HAS_EMISSION": materials.compiled.families[batch.family].has_emission},
+                        | {"HAS_EMISSION": materials.compiled.families[batch.family].has_emission, "FLAT_SHADING": True},
                         material_pass.texts(batch),
                     )
-                    self._bind_accumulate(geometry, voxels, work, sums, counts)
-                    material_pass.bind(batch, kernel)
-                    kernel.set(
-                        grid_size=grid.size, work_first=first, work_count=count, sum_words=words,
-                        cell_size=grid.cell_size, grid_origin_ws=grid.origin,
-                    )
+                    material_pass.bind(batch, kernel, geometry)
+                    voxels.cells.use(slot("TEX_CELLS"))
+                    positions.use(slot("TEX_CELL_POSITIONS"))
+                    pairs.bind_to_storage_buffer(slot("BUF_PAIRS"))
+                    sums.bind_to_storage_buffer(slot("BUF_SUMS"))
+                    counts.bind_to_storage_buffer(slot("BUF_COUNTS"))
+                    voxels.cell_triangles.bind_to_image(slot("IMG_0"), read=False, write=True)
+                    if voxels.cell_opacities is not None:
+                        voxels.cell_opacities.bind_to_image(slot("IMG_1"), read=False, write=True)
+                    kernel.set(pair_first=first, pair_count=count, sum_words=words)
                     kernel.run_list(count)
                     material_pass.unbind(batch)
-                yield 0.4 + 0.5 * (first + count) / max(total, 1)
+                yield 0.4 + 0.5 * (first + count) / max(int(starts[-1]), 1)
 
         with gpu.timed("voxelize"):
             gpu.barrier()  # sums and lists are complete
-            positions = gpu.buffer("cell positions", packed)
-            self._temporary.append(positions)
-            kernel = gpu.kernel("voxel_resolve", {"HAS_EMISSION": materials.has_emission, "HAS_OPACITY": False})
-            voxels.bind(kernel)
-            kernel.set(cell_count=cells, sum_words=words)
-            sums.bind_to_storage_buffer(slot("BUF_SUMS"))
-            positions.bind_to_storage_buffer(slot("BUF_WORK"))
-            voxels.faces.bind_to_storage_buffer(slot("BUF_FACES"))
-            kernel.run_list(cells)
-            gpu.barrier()  # injection and links read the faces
+            self._resolve(voxels, materials, sums, packed, words)
         self.voxels = voxels
         yield 1.0
 
-    def _work(self, geometry: Geometry, materials: MaterialSet) -> tuple[np.ndarray, moderngl.Buffer]:
-        """Work items sorted by batch, and where each batch starts, (batches + 1,)."""
+    def _resolve(
+        self, voxels: Voxels, materials: MaterialSet, sums: moderngl.Buffer, packed: np.ndarray, words: int
+    ) -> None:
         gpu, slot = self.gpu, interface.slot
-        batches = len(materials.batches)
-        counters = gpu.buffer("voxel work counters", size=4 * batches)
-        self._temporary.append(counters)
+        positions = gpu.buffer("voxel cell positions", packed)
+        self._temporary.append(positions)
+        kernel = gpu.kernel("voxel_resolve", {"HAS_EMISSION": materials.has_emission, "HAS_OPACITY": False})
+        voxels.bind(kernel)
+        kernel.set(cell_count=len(packed), sum_words=words)
+        sums.bind_to_storage_buffer(slot("BUF_SUMS"))
+        positions.bind_to_storage_buffer(slot("BUF_WORK"))
+        faces = voxels.faces
+        faces.place.bind_to_image(slot("IMG_0"), read=False, write=True)
+        faces.reflectance.bind_to_image(slot("IMG_1"), read=False, write=True)
+        if faces.emission is not None:
+            faces.emission.bind_to_image(slot("IMG_2"), read=False, write=True)
+        kernel.run_list(3 * len(packed))
+        gpu.barrier()  # injection and links read the faces
+
+    def _work(self, geometry: Geometry) -> tuple[int, moderngl.Buffer]:
+        """How many work items there are, and the items."""
+        gpu, slot = self.gpu, interface.slot
+        counter = gpu.buffer("voxel counters", size=4)
+        self._temporary.append(counter)
         mask = int(RayVisibility.ALL)
 
         def run(count: bool) -> None:
             kernel = gpu.kernel("work", {"COUNT": count})
             kernel.set(grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=mask)
             geometry.triangles.use(slot("TEX_TRIANGLES"))
-            materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
-            counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
+            counter.bind_to_storage_buffer(slot("BUF_COUNTS"))
             kernel.run_list(geometry.triangle_count)
-            gpu.barrier()  # counters are read back, work by later steps
+            gpu.barrier()  # the counter is read back, work by later steps
 
         run(count=True)
-        counts = np.frombuffer(counters.read(), np.uint32)[:batches].astype(np.int64)
-        starts = np.concatenate([[0], np.cumsum(counts)])
-        counters.write(np.ascontiguousarray(starts[:-1], np.uint32).tobytes())
-        work = gpu.buffer("voxel work", size=8 * int(starts[-1]))
+        total = int(np.frombuffer(counter.read(4), np.uint32)[0])
+        counter.clear()
+        work = gpu.buffer("voxel work", size=8 * total)
         self._temporary.append(work)
         work.bind_to_storage_buffer(slot("BUF_WORK"))
         run(count=False)
-        return starts, work
+        return total, work
 
-    def _number_cells(
-        self, mask: moderngl.Texture3D, grid: VoxelGrid
-    ) -> tuple[moderngl.Texture3D, moderngl.Texture3D, np.ndarray]:
-        gpu = self.gpu
+    def _number_cells(self, mask: moderngl.Texture3D, grid: VoxelGrid) -> tuple[moderngl.Texture3D, np.ndarray]:
+        """The brick texture, and the packed positions of the occupied cells."""
         masks = np.frombuffer(mask.read(), np.uint64)
         counts = popcount(masks)
-        first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.uint32)
         shape = grid.bricks[::-1]
-        base = gpu.texture_3d("brick bases", grid.bricks, 1, "u4", first.reshape(shape))
-        distances = brick_distances((masks != 0).reshape(shape))
-        distance = gpu.texture_3d("brick distances", grid.bricks, 1, "u1", distances)
-        self._owned += [base, distance]
-        return base, distance, cell_positions(masks, grid.bricks)
+        texels = np.empty((len(masks), 4), np.uint32)
+        texels[:, :2] = masks.view(np.uint32).reshape(-1, 2)
+        texels[:, 2] = np.cumsum(counts) - counts
+        texels[:, 3] = brick_distances((masks != 0).reshape(shape)).ravel()
+        bricks = self.gpu.texture_3d("bricks", grid.bricks, 4, "u4", texels)
+        self._owned.append(bricks)
+        return bricks, cell_positions(masks, grid.bricks)
 
     def _allocate(
-        self, geometry: Geometry, materials: MaterialSet, mask: moderngl.Texture3D, base: moderngl.Texture3D,
-        distance: moderngl.Texture3D, counts: moderngl.Buffer, cells: int,
+        self, geometry: Geometry, materials: MaterialSet, bricks: moderngl.Texture3D, counts: moderngl.Buffer, cells: int
     ) -> Voxels:
         gpu = self.gpu
         table = np.frombuffer(counts.read(), np.uint32)[: 2 * cells].reshape(-1, 2)
@@ -254,36 +284,23 @@ class VoxelizePass:
             records[:, 1] = table[:, 0]
             records[:, 2] = face_ends - face_counts
             records[:, 3] = table[:, 1]
-            cursors = np.zeros((cells, 2), np.uint32)
-            cursors[:, 0] = records[:, 0]
-            counts.write(cursors.tobytes())
+            counts.write(np.ascontiguousarray(records[:, 0]).tobytes())  # from here on: next list entry of each cell
         cell_texture = gpu.list_texture("cells", len(records), 4, "u4", records)
         triangles = gpu.list_texture("cell triangles", pairs, 1, "u4")
         opacities = gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.has_transparency else None
-        face_buffer = gpu.buffer("faces", size=interface.FACE.dtype.itemsize * max(faces, 1))
-        self._owned += [cell_texture, triangles, opacities, face_buffer]
-        return Voxels(
-            geometry.grid, mask, base, distance, cell_texture, triangles, opacities, face_buffer, geometry.triangles,
-            cells, faces, pairs,
+        textures = Faces(
+            faces,
+            gpu.list_texture("faces", faces, 4, "u4"),
+            gpu.list_texture("faces", faces, 4, "f2"),
+            gpu.list_texture("face emission", faces, 4, "f4") if materials.has_emission else None,
         )
-
-    def _bind_accumulate(
-        self, geometry: Geometry, voxels: Voxels, work: moderngl.Buffer, sums: moderngl.Buffer, cursors: moderngl.Buffer
-    ) -> None:
-        slot = interface.slot
-        voxels.triangles.use(slot("TEX_TRIANGLES"))
-        voxels.brick_mask.use(slot("TEX_BRICK_MASK"))
-        voxels.brick_base.use(slot("TEX_BRICK_BASE"))
-        voxels.cells.use(slot("TEX_CELLS"))
-        geometry.instances.bind_to_storage_buffer(slot("BUF_INSTANCES"))
-        geometry.corners.bind_to_storage_buffer(slot("BUF_VERTICES"))
-        geometry.attributes.bind_to_storage_buffer(slot("BUF_ATTRIBUTES"))
-        work.bind_to_storage_buffer(slot("BUF_WORK"))
-        sums.bind_to_storage_buffer(slot("BUF_SUMS"))
-        cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
-        voxels.cell_triangles.bind_to_image(slot("IMG_0"), read=False, write=True)
-        if voxels.cell_opacities is not None:
-            voxels.cell_opacities.bind_to_image(slot("IMG_1"), read=False, write=True)
+        self._owned += [
+            cell_texture, triangles, opacities, textures.place, textures.reflectance, textures.emission,
+        ]  # fmt: skip
+        return Voxels(
+            geometry.grid, bricks, cell_texture, triangles, opacities, textures, geometry.triangles,
+            cells, pairs,
+        )  # fmt: skip
 
     def release(self) -> None:
         """Free everything."""

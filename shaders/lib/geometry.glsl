@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // From a point of a triangle to everything a material may ask about it.
 //
-// The including program provides generated text "material" (evaluate_material) and the defines of lib/surface.glsl.
+// The including program provides generated text "material" (evaluate_material), the defines of lib/surface.glsl, and
+//     FLAT_SHADING   1: surfaces as their triangles are, without interpolated normals (voxels)
 
 #include "lib/surface.glsl"
 #include "lib/triangle.glsl"
@@ -9,18 +10,23 @@
 uniform float cell_size;
 uniform vec3 grid_origin_ws;
 
-layout(std430, binding = BUF_INSTANCES) readonly buffer Instances { Instance instances[]; };
+layout(binding = TEX_INSTANCES) uniform usampler2D instances_tex;
 // For each triangle of each mesh: three corners, material slot.
-layout(std430, binding = BUF_VERTICES) readonly buffer Corners { uint corners[]; };
-layout(std430, binding = BUF_ATTRIBUTES) readonly buffer Attributes { uint attributes[]; };
+layout(binding = TEX_CORNERS) uniform usampler2D corners_tex;
+layout(binding = TEX_ATTRIBUTES) uniform usampler2D attributes_tex;
 // Entry m, component x, holds the number of material m's first parameter; parameters follow.
-layout(std430, binding = BUF_MATERIALS) readonly buffer Materials { vec4 material_values[]; };
+layout(binding = TEX_MATERIALS) uniform sampler2D materials_tex;
 
 uint current_parameter_base;
 
 vec4 material_parameter(int index)
 {
-    return material_values[current_parameter_base + uint(index)];
+    return texelFetch(materials_tex, list_texel(current_parameter_base + uint(index)), 0);
+}
+
+uint attribute_word(uint index)
+{
+    return texelFetch(attributes_tex, list_texel(index), 0).r;
 }
 
 #if MATERIAL_UV_LAYERS > 0
@@ -34,7 +40,7 @@ uniform uint material_color_layers[MATERIAL_COLOR_LAYERS];
 
 vec3 corner_normal(uint first, uint corner)
 {
-    return octahedral_decode(unpackSnorm2x16(attributes[first + corner]));
+    return octahedral_decode(unpackSnorm2x16(attribute_word(first + corner)));
 }
 
 vec2 corner_uv(uint first, uint corner)
@@ -42,7 +48,7 @@ vec2 corner_uv(uint first, uint corner)
     if (first == NONE_INDEX) {
         return vec2(0.0);
     }
-    return vec2(uintBitsToFloat(attributes[first + 2u * corner]), uintBitsToFloat(attributes[first + 2u * corner + 1u]));
+    return vec2(uintBitsToFloat(attribute_word(first + 2u * corner)), uintBitsToFloat(attribute_word(first + 2u * corner + 1u)));
 }
 
 vec4 corner_color(uint first, uint corner)
@@ -50,7 +56,7 @@ vec4 corner_color(uint first, uint corner)
     if (first == NONE_INDEX) {
         return vec4(0.0);
     }
-    return vec4(unpackHalf2x16(attributes[first + 2u * corner]), unpackHalf2x16(attributes[first + 2u * corner + 1u]));
+    return vec4(unpackHalf2x16(attribute_word(first + 2u * corner)), unpackHalf2x16(attribute_word(first + 2u * corner + 1u)));
 }
 
 // Rows of object_from_grid transposed times a normal: normals go by the inverse transpose.
@@ -64,11 +70,10 @@ vec3 world_normal(Instance instance, vec3 n)
 // that the answer stands for, in cells.
 ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float footprint)
 {
-    Instance instance = instances[t.instance];
+    Instance instance = fetch_instance(instances_tex, t.instance);
     vec3 weights = vec3(1.0 - barycentric.x - barycentric.y, barycentric);
     vec3 position_grid = t.corner + t.edge_1 * barycentric.x + t.edge_2 * barycentric.y;
-    uint at = 4u * t.mesh_triangle;
-    uvec3 corner = uvec3(corners[at], corners[at + 1u], corners[at + 2u]);
+    uvec3 corner = texelFetch(corners_tex, list_texel(t.mesh_triangle), 0).xyz;
 
     ShadingPoint p;
     p.position_ws = position_grid * cell_size + grid_origin_ws;
@@ -83,6 +88,19 @@ ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float fo
 
     vec3 face_cross = cross(t.edge_1, t.edge_2) * (instance.mirrored != 0u ? -1.0 : 1.0);
     p.geometric_normal_ws = normalize(face_cross);
+#if FLAT_SHADING
+    vec3 face_os = vec3(instance.grid_from_object_x.x * p.geometric_normal_ws.x +
+                        instance.grid_from_object_y.x * p.geometric_normal_ws.y +
+                        instance.grid_from_object_z.x * p.geometric_normal_ws.z,
+                        instance.grid_from_object_x.y * p.geometric_normal_ws.x +
+                        instance.grid_from_object_y.y * p.geometric_normal_ws.y +
+                        instance.grid_from_object_z.y * p.geometric_normal_ws.z,
+                        instance.grid_from_object_x.z * p.geometric_normal_ws.x +
+                        instance.grid_from_object_y.z * p.geometric_normal_ws.y +
+                        instance.grid_from_object_z.z * p.geometric_normal_ws.z);
+    p.normal_os = normalize(face_os);
+    p.normal_ws = p.geometric_normal_ws;
+#else
     p.normal_os = corner_normal(instance.first_normal, corner.x) * weights.x +
                   corner_normal(instance.first_normal, corner.y) * weights.y +
                   corner_normal(instance.first_normal, corner.z) * weights.z;
@@ -91,6 +109,7 @@ ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float fo
     if (!is_finite(p.normal_ws)) {
         p.normal_ws = p.geometric_normal_ws;
     }
+#endif
     p.back_facing = dot(p.geometric_normal_ws, incoming) < 0.0;
     if (p.back_facing) {
         p.geometric_normal_ws = -p.geometric_normal_ws;
@@ -101,7 +120,7 @@ ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float fo
 #if MATERIAL_UV_LAYERS > 0
     float area = length(face_cross);
     for (int k = 0; k < MATERIAL_UV_LAYERS; ++k) {
-        uint first = attributes[instance.first_layer + material_uv_layers[k]];
+        uint first = attribute_word(instance.first_layer + material_uv_layers[k]);
         vec2 a = corner_uv(first, corner.x);
         vec2 ab = corner_uv(first, corner.y) - a;
         vec2 ac = corner_uv(first, corner.z) - a;
@@ -118,7 +137,7 @@ ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float fo
 #endif
 #if MATERIAL_COLOR_LAYERS > 0
     for (int k = 0; k < MATERIAL_COLOR_LAYERS; ++k) {
-        uint first = attributes[instance.first_layer + material_color_layers[k]];
+        uint first = attribute_word(instance.first_layer + material_color_layers[k]);
         p.color[k] = corner_color(first, corner.x) * weights.x + corner_color(first, corner.y) * weights.y +
                      corner_color(first, corner.z) * weights.z;
     }
@@ -129,7 +148,7 @@ ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float fo
 // What the triangle's material says there, made safe: finite, reflectances not negative, a usable normal.
 Surface surface_at(Triangle t, ShadingPoint p)
 {
-    current_parameter_base = uint(material_values[t.material].x);
+    current_parameter_base = uint(texelFetch(materials_tex, list_texel(t.material), 0).x);
     Surface s;
     evaluate_material(p, s);
     s.diffuse = max(finite_or_zero(s.diffuse), 0.0);

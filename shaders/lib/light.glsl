@@ -9,7 +9,7 @@ uniform float cell_size;
 uniform float light_falloff;
 uniform uint light_count;
 
-layout(std430, binding = BUF_LIGHTS) readonly buffer Lights { Light lights[]; };
+layout(binding = TEX_LIGHTS) uniform usampler2D lights_tex;
 
 struct LightSample {
     vec3 direction;   // unit, towards the light

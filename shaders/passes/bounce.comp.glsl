@@ -3,13 +3,13 @@
 // Jacobi iteration; it converges, as reflectance is at most 1 and what leaves the scene is lost.
 // Input: faces, links, sky_tex, face_radiance_tex.    Output: radiance_img, W/(m2 sr).
 
-#include "lib/common.glsl"
+#include "lib/face.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_radiance_tex;
-layout(std430, binding = BUF_FACES) readonly buffer Faces { Face faces[]; };
-layout(std430, binding = BUF_LINKS) readonly buffer Links { uint links[]; };
+layout(binding = TEX_FACE_DIRECT) uniform sampler2D face_direct_tex;
+layout(binding = TEX_LINKS) uniform usampler2D links_tex;
 layout(binding = IMG_0, rgba32f) writeonly uniform image2D radiance_img;
 #if HAS_WORLD
 layout(binding = TEX_WORLD) uniform sampler2D sky_tex;
@@ -25,16 +25,19 @@ void main()
         return;
     }
     vec3 sum = vec3(0.0);
-    for (uint k = 0u; k < link_count; ++k) {
-        uint link = links[index * link_count + k];
-        if (link != NONE_INDEX) {
-            sum += texelFetch(face_radiance_tex, list_texel(link), 0).rgb;
+    uint quads = link_count / 4u;
+    for (uint q = 0u; q < quads; ++q) {
+        uvec4 links = texelFetch(links_tex, list_texel(index * quads + q), 0);
+        for (int k = 0; k < 4; ++k) {
+            vec3 radiance = texelFetch(face_radiance_tex, list_texel(min(links[k], face_count - 1u)), 0).rgb;
+            sum += links[k] == NONE_INDEX ? vec3(0.0) : radiance;
         }
     }
     vec3 incoming = sum / float(link_count);
 #if HAS_WORLD
     incoming += texelFetch(sky_tex, list_texel(index), 0).rgb;
 #endif
-    vec3 radiance = faces[index].direct + faces[index].reflectance * incoming;
+    vec3 radiance = texelFetch(face_direct_tex, list_texel(index), 0).rgb +
+                    fetch_face_reflectance(index).rgb * incoming;
     imageStore(radiance_img, list_texel(index), vec4(finite_or_zero(radiance), 0.0));
 }

@@ -5,6 +5,7 @@
 // Input: cells, faces, their radiance; or the finer level.    Output: level_img: (opacity L, opacity).
 
 #include "lib/grid.glsl"
+#include "lib/face.glsl"
 
 layout(local_size_x = 4, local_size_y = 4, local_size_z = 4) in;
 
@@ -12,7 +13,6 @@ layout(binding = IMG_0, rgba16f) writeonly uniform image3D level_img;
 #if FIRST
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
 layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_radiance_tex;
-layout(std430, binding = BUF_FACES) readonly buffer Faces { Face faces[]; };
 #else
 layout(binding = TEX_CONES) uniform sampler3D cones_tex;
 uniform int finer_level;
@@ -44,7 +44,7 @@ void main()
                 uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
                 if ((record.w >> facing & 1u) != 0u) {
                     uint face = face_index(record, uint(facing));
-                    float opacity = faces[face].weight;
+                    float opacity = fetch_face_reflectance(face).a;
                     sum += opacity * vec4(texelFetch(face_radiance_tex, list_texel(face), 0).rgb, 1.0);
                 }
             }

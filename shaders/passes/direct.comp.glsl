@@ -43,7 +43,7 @@ void main()
         vec3 origin = p.position + p.geometric_normal * RAY_START;
         uint pixel_seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
         for (uint k = 0u; k < light_count; ++k) {
-            Light light = lights[k];
+            Light light = fetch_light(lights_tex, k);
             uint seed = hash(pixel_seed + k, 0xD1B54Au);
             LightSample s = sample_light(light, origin, sample_2d(sample_index, seed));
             float cosine = dot(p.normal, s.direction);

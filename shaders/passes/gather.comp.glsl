@@ -117,9 +117,10 @@ void main()
                 vec3 radiance = incoming(origin, direction, RAY_GLOSSY, hash(seed, 3u + sample_index), distance);
                 for (uint k = 0u; k < light_count; ++k) {
                     float light_distance;
-                    if ((lights[k].flags & RAY_GLOSSY) != 0u &&
-                        light_half_angle(lights[k], origin) > glossy_half_angle(p.alpha)) {
-                        vec3 seen = light_along_ray(lights[k], origin, direction, light_distance);
+                    Light light = fetch_light(lights_tex, k);
+                    if ((light.flags & RAY_GLOSSY) != 0u &&
+                        light_half_angle(light, origin) > glossy_half_angle(p.alpha)) {
+                        vec3 seen = light_along_ray(light, origin, direction, light_distance);
                         bool free = light_distance < distance || (light_distance > 1e29 && distance > 1e29);
                         if (max_component(seen) > 0.0 && free) {
                             distance = light_distance;

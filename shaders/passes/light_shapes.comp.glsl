@@ -26,7 +26,7 @@ void main()
     float nearest = surface.w > 0.0 ? length(surface.xyz - origin) : 1e29;
     vec3 radiance = vec3(0.0);
     for (uint k = 0u; k < light_count; ++k) {
-        Light light = lights[k];
+        Light light = fetch_light(lights_tex, k);
         float distance;
         if ((light.flags & RAY_CAMERA) == 0u) {
             continue;

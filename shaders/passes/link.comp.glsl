@@ -2,11 +2,12 @@
 // Which faces does each voxel face see? Cosine-distributed rays, exact against the geometry, end at other faces: these
 // are its links, a Monte Carlo estimate of form factors. They depend on geometry alone, so bounces and changes of light
 // trace nothing. Rays that leave the scene bring the world's light, averaged here.
-// Input: faces, triangles of cells.    Output: links (link_count for each face), sky_img: W/(m2 sr), mean over all rays.
+// Input: faces, triangles of cells.    Output: link_img (link_count numbers of faces for each face), sky_img: W/(m2 sr), mean over all rays.
 // Follows Keller 1997, "Instant Radiosity", and Szirmay-Kalos 1999, "Stochastic Iteration for Non-diffuse Global
 // Illumination"; differs: one fixed set of rays serves all iterations, so that they are products with a sparse matrix.
 
 #include "lib/radiance.glsl"
+#include "lib/face.glsl"
 #include "lib/sampling.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
@@ -14,29 +15,30 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(std430, binding = BUF_FACES) readonly buffer Faces { Face faces[]; };
-layout(std430, binding = BUF_LINKS) writeonly buffer Links { uint links[]; };
+layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
 #if HAS_WORLD
-layout(binding = IMG_0, rgba32f) writeonly uniform image2D sky_img;
+layout(binding = IMG_1, rgba32f) writeonly uniform image2D sky_img;
 #endif
 
-uniform uint face_first;
-uniform uint face_count;
-uniform uint link_count;
+uniform uint thread_first;
+uniform uint cell_count;
+uniform uint link_count;  // a multiple of four
 uniform uint random_seed;
 
 void main()
 {
-    uint index = face_first + invocation_index();
-    if (index >= face_count) {
+    uint index = face_of_thread(cells_tex, thread_first + invocation_index(), cell_count);
+    if (index == NONE_INDEX) {
         return;
     }
-    Face face = faces[index];
-    vec3 origin = face.position_grid + face.normal * RAY_START;
-    uint seed = hash(face.key, random_seed);
+    vec3 position, normal;
+    fetch_face_place(index, position, normal);
+    vec3 origin = position + normal * RAY_START;
+    uint seed = hash(index, random_seed);
+    uvec4 links;
     vec3 sky = vec3(0.0);
     for (uint k = 0u; k < link_count; ++k) {
-        vec3 direction = sample_cosine(face.normal, sample_2d(k, seed));
+        vec3 direction = sample_cosine(normal, sample_2d(k, seed));
         Hit hit = trace(origin, direction, 1e30, RAY_DIFFUSE, false, hash(seed, k));
         uint link = NONE_INDEX;
         if (hit.triangle != NONE_INDEX) {
@@ -47,7 +49,10 @@ void main()
             sky += world_along(direction);
         }
 #endif
-        links[index * link_count + k] = link;
+        links[k & 3u] = link;
+        if ((k & 3u) == 3u) {
+            imageStore(link_img, list_texel((index * link_count + k) / 4u), links);
+        }
     }
 #if HAS_WORLD
     imageStore(sky_img, list_texel(index), vec4(sky / float(link_count), 0.0));

@@ -9,7 +9,7 @@ layout(local_size_x = GROUP_SIZE) in;
 layout(std430, binding = BUF_INSTANCES) readonly buffer Instances { Instance instances[]; };
 layout(std430, binding = BUF_VERTICES) readonly buffer Vertices { uint vertices[]; };
 layout(std430, binding = BUF_POSITIONS) readonly buffer Positions { float positions[]; };
-layout(std430, binding = BUF_ATTRIBUTES) readonly buffer Corners { uint corners[]; };
+layout(binding = TEX_CORNERS) uniform usampler2D corners_tex;  // w: material slot
 layout(std430, binding = BUF_MATERIALS) readonly buffer Slots { uint slots[]; };  // material | flags << 24
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D triangle_img;
 
@@ -44,7 +44,7 @@ void main()
     vec3 a = to_grid(instance, vertices[3u * triangle]);
     vec3 b = to_grid(instance, vertices[3u * triangle + 1u]);
     vec3 c = to_grid(instance, vertices[3u * triangle + 2u]);
-    uint slot = slots[instance.first_slot + corners[4u * triangle + 3u]];
+    uint slot = slots[instance.first_slot + texelFetch(corners_tex, list_texel(triangle), 0).w];
     ivec2 at = ivec2(3 * int(index % uint(TRIANGLES_PER_ROW)), int(index / uint(TRIANGLES_PER_ROW)));
     imageStore(triangle_img, at, uvec4(floatBitsToUint(a), slot));
     imageStore(triangle_img, at + ivec2(1, 0), uvec4(floatBitsToUint(b - a), lo));

@@ -3,25 +3,27 @@
 // A surface of area A and normal n counts for facing d with weight A max(0, n.d). A sheet has two sides, but what its
 // back looks like is asked only where no front faces that way (pass voxel_resolve): a thin wall keeps two colours.
 // Sums are integers: the order of threads cannot show.
-// Input: work items of one batch, triangles, materials.    Output: sums of faces, triangles of cells.
+// Input: pairs of one batch, triangles, materials, cells with their positions.
+// Output: sums of faces, triangles of cells.
 
-#include "lib/overlap.glsl"
+#include "lib/grid.glsl"
 #include "lib/geometry.glsl"
 #include "lib/closure.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
-layout(std430, binding = BUF_WORK) readonly buffer Work { uvec2 work[]; };
+layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
+layout(std430, binding = BUF_PAIRS) readonly buffer Pairs { uvec4 pairs[]; };
 layout(std430, binding = BUF_SUMS) buffer Sums { uint sums[]; };
-layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };
+layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };  // next list entry of each cell
 layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
 #if HAS_OPACITY
 layout(binding = IMG_1, r8) writeonly uniform image2D cell_opacity_img;
 #endif
 
-uniform uint work_first;
-uniform uint work_count;
+uniform uint pair_first;
+uniform uint pair_count;
 uniform uint sum_words;  // of one face
 
 // Rounds up or down at random, right on average: what is smaller than the unit is not lost. The random number depends
@@ -32,6 +34,7 @@ uint fixed_point(float value, uint random)
     return uint(floor(scaled)) + (unit_float(random) < fract(scaled) ? 1u : 0u);
 }
 
+#if HAS_EMISSION
 void add_64(uint at, float value)
 {
     // 32.32: the low word's carry is known from what was there before, so this sum does not depend on order either.
@@ -42,24 +45,34 @@ void add_64(uint at, float value)
     uint carry = before + low < before ? 1u : 0u;
     atomicAdd(sums[at + 1u], uint(whole) + carry);
 }
+#endif
 
-void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal)
+void main()
 {
-    uint index = cell_index(cell);
-    if (index == NONE_INDEX) {
+    uint number = invocation_index();
+    if (number >= pair_count) {
         return;
     }
+    uvec4 pair = pairs[pair_first + number];
+    Triangle triangle = fetch_triangle(pair.x);
+    uint index = pair.y;
+    float area = uintBitsToFloat(pair.z);
+    vec3 inside = vec3(pair.w & 1023u, pair.w >> 10 & 1023u, pair.w >> 20) / 1023.0;
+    uint packed_position = texelFetch(cell_positions_tex, list_texel(index), 0).r;
+    vec3 cell = vec3(packed_position & 2047u, packed_position >> 11 & 2047u, packed_position >> 22);
+    vec3 normal = normalize(cross(triangle.edge_1, triangle.edge_2));
+
     vec2 barycentric;
     float distance;
-    intersect_plane(triangle, centre_grid + normal, -normal, barycentric, distance);
+    intersect_plane(triangle, cell + inside + normal, -normal, barycentric, distance);
     barycentric = max(barycentric, 0.0);
     barycentric /= max(1.0, barycentric.x + barycentric.y);
     ShadingPoint point = shading_point(triangle, barycentric, normal, sqrt(area));
     Surface surface = surface_at(triangle, point);
     float opacity = 1.0 - clamp(luminance(surface.transparency), 0.0, 1.0);
 
-    uint slot = atomicAdd(cursors[index * 2u], 1u);
-    imageStore(cell_triangle_img, list_texel(slot), uvec4(triangle_index));
+    uint slot = atomicAdd(cursors[index], 1u);
+    imageStore(cell_triangle_img, list_texel(slot), uvec4(pair.x));
 #if HAS_OPACITY
     imageStore(cell_opacity_img, list_texel(slot), vec4(opacity));
     area *= opacity;
@@ -70,8 +83,7 @@ void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, 
     vec3 reflectance = surface.diffuse + specular_directional_albedo(surface.specular_f0, surface.specular_f90,
                                                                      surface.roughness, 0.5);
     reflectance = min(reflectance / max(opacity, 1e-3), 1.0);
-    vec3 inside = clamp(centre_grid - vec3(cell), 0.0, 1.0);
-    uint seed = hash(triangle_index, hash(uint(cell.x) | uint(cell.y) << 11, uint(cell.z)));
+    uint seed = hash(pair.x, packed_position);
     for (int axis = 0; axis < 3; ++axis) {
         float weight = area * abs(normal[axis]);
         if (weight == 0.0) {
@@ -89,14 +101,5 @@ void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, 
             add_64(at + FACE_SUM_WORDS + 2u * k, weight * surface.emission[k] / max(opacity, 1e-3));
 #endif
         }
-    }
-}
-
-void main()
-{
-    uint index = invocation_index();
-    if (index < work_count) {
-        uvec2 item = work[work_first + index];
-        visit_cells(item.x, item.y);
     }
 }

@@ -1,17 +1,31 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // From sums to faces: means, and the point of the surface that each face stands for.
-// Input: sums, cells with their positions, triangles.    Output: faces.
+// Input: sums, cells with their positions, triangles.    Output: place_img, reflectance_img, emission_img of the faces.
 
 #include "lib/trace.glsl"
+#include "lib/face.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(std430, binding = BUF_SUMS) readonly buffer Sums { uint sums[]; };
 layout(std430, binding = BUF_WORK) readonly buffer CellPositions { uint cell_positions[]; };  // x | y << 11 | z << 22
-layout(std430, binding = BUF_FACES) writeonly buffer Faces { Face faces[]; };
+layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
+layout(binding = IMG_1, rgba16f) writeonly uniform image2D reflectance_img;
+#if HAS_EMISSION
+layout(binding = IMG_2, rgba32f) writeonly uniform image2D emission_img;
+#endif
 
 uniform uint cell_count;
 uniform uint sum_words;
+
+const float MAX_WEIGHT = 1000.0;  // layers of surface in one cell; half floats hold it
+
+struct Face {
+    vec3 position;
+    vec3 normal;
+    vec4 reflectance;  // a: weight
+    vec3 emission;
+};
 
 // What the surfaces that face this way bring; weight 0 when there are none.
 Face mean_face(uint face, uint facing, vec3 corner)
@@ -20,9 +34,9 @@ Face mean_face(uint face, uint facing, vec3 corner)
     uint at = face * sum_words;
     float total = float(sums[at]);
     float inverse = total > 0.0 ? 1.0 / total : 0.0;
-    result.weight = total / FIXED_ONE;
-    result.reflectance = vec3(sums[at + 1u], sums[at + 2u], sums[at + 3u]) * inverse;
-    result.position_grid = corner + vec3(sums[at + 4u], sums[at + 5u], sums[at + 6u]) * inverse;
+    result.reflectance.rgb = vec3(sums[at + 1u], sums[at + 2u], sums[at + 3u]) * inverse;
+    result.reflectance.a = min(total / FIXED_ONE, MAX_WEIGHT);
+    result.position = corner + vec3(sums[at + 4u], sums[at + 5u], sums[at + 6u]) * inverse;
     result.normal = facing_vector(facing);
     result.emission = vec3(0.0);
 #if HAS_EMISSION
@@ -31,53 +45,61 @@ Face mean_face(uint face, uint facing, vec3 corner)
         result.emission[k] = (float(sums[word + 1u]) + float(sums[word]) / 4294967296.0) * inverse * FIXED_ONE;
     }
 #endif
-    if (total > 0.0) {
-        // The mean of curved or layered surfaces lies inside them: look back at it from half a cell in front.
-        Hit hit = trace(result.position_grid + 0.5 * result.normal, -result.normal, 1.0, RAY_ALL, false, 0u);
-        if (hit.triangle != NONE_INDEX) {
-            result.position_grid += (0.5 - hit.distance) * result.normal;
-            result.normal = hit.normal;
-        }
-    }
-    result.facing = facing;
-    result.direct = vec3(0.0);
-    result.pad = 0.0;
     return result;
+}
+
+// The mean of curved or layered surfaces lies inside them: look back at it from half a cell in front.
+void find_surface(inout Face face)
+{
+    Hit hit = trace(face.position + 0.5 * face.normal, -face.normal, 1.0, RAY_ALL, false, 0u);
+    if (hit.triangle != NONE_INDEX) {
+        face.position += (0.5 - hit.distance) * face.normal;
+        face.normal = hit.normal;
+    }
+}
+
+Face turned_over(Face face)
+{
+    face.normal = -face.normal;
+    return face;
+}
+
+void store(uint index, Face face)
+{
+    imageStore(place_img, list_texel(index), pack_face_place(face.position, face.normal));
+    imageStore(reflectance_img, list_texel(index), face.reflectance);
+#if HAS_EMISSION
+    imageStore(emission_img, list_texel(index), vec4(face.emission, 0.0));
+#endif
 }
 
 void main()
 {
-    uint index = invocation_index();
-    if (index >= cell_count) {
+    // Neighbouring threads take the same axis of neighbouring cells: what they do is alike.
+    uint number = invocation_index();
+    uint index = number % max(cell_count, 1u);
+    uint facing = 2u * (number / max(cell_count, 1u));
+    if (facing >= 6u) {
         return;
+    }
+    uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
+    if ((record.w >> facing & 1u) == 0u) {
+        return;  // both facings of an axis are there, or neither
     }
     uint packed_position = cell_positions[index];
     vec3 corner = vec3(packed_position & 2047u, packed_position >> 11 & 2047u, packed_position >> 22);
-    uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
-    for (uint axis = 0u; axis < 3u; ++axis) {
-        uint positive = 2u * axis, negative = positive + 1u;
-        if ((record.w >> positive & 1u) == 0u) {
-            continue;  // both facings of an axis are there, or neither
-        }
-        uint first = face_index(record, positive);
-        Face front = mean_face(first, positive, corner);
-        Face back = mean_face(first + 1u, negative, corner);
-        // The back of a sheet: the same surface, turned over.
-        bool lone_back = front.weight == 0.0 && back.weight > 0.0;
-        bool lone_front = back.weight == 0.0 && front.weight > 0.0;
-        if (lone_back) {
-            front = back;
-            front.normal = -back.normal;
-        } else if (lone_front) {
-            back = front;
-            back.normal = -front.normal;
-        }
-        front.facing = positive;
-        back.facing = negative;
-        front.cell = back.cell = index;
-        front.key = hash(packed_position, positive);
-        back.key = hash(packed_position, negative);
-        faces[first] = front;
-        faces[first + 1u] = back;
+    uint first = face_index(record, facing);
+    Face front = mean_face(first, facing, corner);
+    Face back = mean_face(first + 1u, facing + 1u, corner);
+    bool has_front = front.reflectance.a > 0.0;
+    bool has_back = back.reflectance.a > 0.0;
+    // The side that nothing was made for is the back of a sheet: the same surface, turned over.
+    if (has_front || !has_back) {
+        find_surface(front);
     }
+    if (has_back) {
+        find_surface(back);
+    }
+    store(first, has_front || !has_back ? front : turned_over(back));
+    store(first + 1u, has_back ? back : turned_over(front));
 }

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Cut the triangles into work items of about equal size, sorted by batch (materials that run together).
-// COUNT: items of each batch.    Otherwise: write them, each batch from its own start.
-// Input: triangles, batch of each material.    Output: batch counters, work items (triangle, item number).
+// Cut the triangles into work items of about equal size.
+// COUNT: how many there are.    Otherwise: write them.
+// Input: triangles.    Output: counter, work items (triangle, item number).
 
 #include "lib/overlap.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(std430, binding = BUF_MATERIALS) readonly buffer Batches { uint batch_of_material[]; };
-layout(std430, binding = BUF_COUNTS) buffer Counters { uint counters[]; };
+layout(std430, binding = BUF_COUNTS) buffer Counter { uint counter; };
 #if !COUNT
 layout(std430, binding = BUF_WORK) writeonly buffer Work { uvec2 work[]; };
 #endif
@@ -32,7 +31,7 @@ void main()
     if (count == 0u) {
         return;
     }
-    uint first = atomicAdd(counters[batch_of_material[t.material]], count);
+    uint first = atomicAdd(counter, count);
 #if !COUNT
     for (uint item = 0u; item < count; ++item) {
         work[first + item] = uvec2(index, item);
