@@ -248,7 +248,7 @@ class GpuContext:
             if entry is None:
                 continue
             name, _, size = entry
-            self.memory[name] = self.memory.get(name, 0) - size
+            self.memory[name] = self.memory.get(name, 0) - size  # things without size leave no entry
             if self.memory[name] <= 0:
                 del self.memory[name]
             thing.release()

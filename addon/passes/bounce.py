@@ -92,7 +92,8 @@ class BouncePass:
                 self.radiance.reverse()
                 self.bounces += 1
                 if self.bounces % CHECK_EVERY == 0 and self.bounces < settings.bounces:
-                    after = float(np.frombuffer(self.radiance[0].read(), np.float32).sum(dtype=np.float64))
+                    values = np.frombuffer(self.radiance[0].read(), np.float32)[: 4 * voxels.faces.count]
+                    after = float(values.sum(dtype=np.float64))  # what follows in the texture's last row is undefined
                     if before is not None and abs(after - before) <= CONVERGED * abs(after):
                         return
                     before = after
