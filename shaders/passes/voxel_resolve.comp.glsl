@@ -30,13 +30,12 @@ struct Face {
     vec3 emission;
 };
 
-// What the surfaces that face this way bring; weight 0 when there are none.
-Face mean_face(uint face, uint facing, vec3 corner)
+// What the surfaces that face this way bring; `total` is the sum of their weights, not 0.
+Face mean_face(uint face, uint facing, vec3 corner, float total)
 {
     Face result;
     uint at = face * sum_words;
-    float total = float(sums[at]);
-    float inverse = total > 0.0 ? 1.0 / total : 0.0;
+    float inverse = 1.0 / total;
     result.reflectance.rgb = vec3(sums[at + 1u], sums[at + 2u], sums[at + 3u]) * inverse;
     result.reflectance.a = min(total / FIXED_ONE, MAX_WEIGHT);
     result.position = corner + vec3(sums[at + 4u], sums[at + 5u], sums[at + 6u]) * inverse;
@@ -75,12 +74,6 @@ void find_surface(inout Face face, uvec4 record, vec3 corner)
     }
 }
 
-Face turned_over(Face face)
-{
-    face.normal = -face.normal;
-    return face;
-}
-
 void store(uint index, Face face)
 {
     imageStore(place_img, list_texel(index), pack_face_place(face.position, face.normal));
@@ -106,17 +99,20 @@ void main()
     uint packed_position = cell_positions[index];
     vec3 corner = vec3(packed_position & 2047u, packed_position >> 11 & 2047u, packed_position >> 22);
     uint first = face_index(record, facing);
-    Face front = mean_face(first, facing, corner);
-    Face back = mean_face(first + 1u, facing + 1u, corner);
-    bool has_front = front.reflectance.a > 0.0;
-    bool has_back = back.reflectance.a > 0.0;
-    // The side that nothing was made for is the back of a sheet: the same surface, turned over.
-    if (has_front || !has_back) {
-        find_surface(front, record, corner);
+    float totals[2] = float[2](float(sums[first * sum_words]), float(sums[(first + 1u) * sum_words]));
+    if (totals[0] == 0.0 && totals[1] == 0.0) {
+        totals[0] = 1.0;  // so little of a surface that it was rounded away: black, at the cell's corner
     }
-    if (has_back) {
-        find_surface(back, record, corner);
+    uint begin = totals[0] > 0.0 ? 0u : 1u;
+    uint end = totals[1] > 0.0 ? 2u : 1u;
+    for (uint side = begin; side < end; ++side) {
+        Face face = mean_face(first + side, facing + side, corner, totals[side]);
+        find_surface(face, record, corner);
+        store(first + side, face);
+        if (end - begin == 1u) {
+            // The side that nothing was made for is the back of a sheet: the same surface, turned over.
+            face.normal = -face.normal;
+            store(first + 1u - side, face);
+        }
     }
-    store(first, has_front || !has_back ? front : turned_over(back));
-    store(first + 1u, has_back ? back : turned_over(front));
 }
