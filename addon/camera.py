@@ -77,16 +77,17 @@ class CameraRays:
 def pixel_offset(index: int, filter_width: float) -> tuple[float, float]:
     """Where in the pixel pass ``index`` samples: the R2 sequence through the inverse of the filter's distribution.
 
-    Importance sampling of the Blackman-Harris window (Harris 1978) of ``filter_width`` pixels, as Cycles does.
+    Importance sampling of the Blackman-Harris window (Harris 1978), as Cycles does: the window falls to zero
+    ``filter_width`` pixels from the middle, so that it is twice as wide in all.
     """
     if filter_width <= 0.0:
         return 0.5, 0.5
-    x = np.linspace(-0.5, 0.5, 1025)
+    x = np.linspace(-1.0, 1.0, 1025)
     window = (
         0.35875
-        + 0.48829 * np.cos(2 * np.pi * x)
-        + 0.14128 * np.cos(4 * np.pi * x)
-        + 0.01168 * np.cos(6 * np.pi * x)
+        + 0.48829 * np.cos(np.pi * x)
+        + 0.14128 * np.cos(2 * np.pi * x)
+        + 0.01168 * np.cos(3 * np.pi * x)
     )
     cumulative = np.concatenate([[0.0], np.cumsum(0.5 * (window[1:] + window[:-1]))])
     cumulative /= cumulative[-1]

@@ -51,10 +51,10 @@ BUFFERS = (
 # Texture units. GL 4.3 promises sixteen to a stage.
 TEXTURES = (
     "TEX_TRIANGLES",  # rgba32ui 2D, three texels a triangle: corner 0, edge 1, edge 2 in grid space; w: packed integers
-    "TEX_BRICK_MASK",  # r32ui 3D, two words a brick (side by side in x): occupied cells
-    "TEX_BRICK_BASE",  # r32ui 3D: index of a brick's first occupied cell
-    "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, face mask
-    "TEX_BRICK_DISTANCE",  # r8ui 3D: bricks to the nearest one that is not empty
+    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, index of the first cell, bricks to the nearest other
+    "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
+    "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings and their sites
+    "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
     "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells
     "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them
     "TEX_FACE_RADIANCE",  # rgba32f 2D list: radiance leaving each voxel face
@@ -73,19 +73,17 @@ TEXTURE_ALIASES = {
     "TEX_FACE_PLACE": "TEX_POSITION",  # rgba32ui list: position (grid space), normal (octahedral)
     "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16f list: reflectance, weight
     "TEX_FACE_EMISSION": "TEX_DIFFUSE",  # rgba32f list: W/(m2 sr)
-    "TEX_FACE_DIRECT": "TEX_F0",  # rgba32f list: emission and what lights send off the face, W/(m2 sr)
+    "TEX_FACE_IRRADIANCE": "TEX_F0",  # rgba32f list: of sites, from lights, over pi
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
     # Materials, where no ray is traced.
-    "TEX_INSTANCES": "TEX_BRICK_MASK",  # rgba32ui list: Instance, several texels each
-    "TEX_CORNERS": "TEX_BRICK_BASE",  # rgba32ui list: three corners and the slot of each triangle of each mesh
-    "TEX_ATTRIBUTES": "TEX_BRICK_DISTANCE",  # r32ui list: corner normals, UV and colour layers
+    "TEX_ATTRIBUTES": "TEX_BRICKS",  # r32ui list: corner normals, UV and colour layers
     "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters
     "TEX_CELL_POSITIONS": "TEX_CELL_OPACITIES",  # r32ui list: x | y << 11 | z << 22
     # Composition reads no grid: what it composes has the grid's units.
     "TEX_DIRECT_DIFFUSE": "TEX_TRIANGLES",
-    "TEX_DIRECT_GLOSSY": "TEX_BRICK_MASK",
-    "TEX_INDIRECT_DIFFUSE": "TEX_BRICK_BASE",
+    "TEX_DIRECT_GLOSSY": "TEX_BRICKS",
+    "TEX_INDIRECT_DIFFUSE": "TEX_INSTANCES",
     "TEX_INDIRECT_GLOSSY": "TEX_CELLS",
 }
 #: Material textures share units with what a step that evaluates materials never reads. GL promises sixteen units, so

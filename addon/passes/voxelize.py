@@ -53,9 +53,7 @@ class Voxels:
     """The sparse voxel grid, as lib/grid.glsl and lib/trace.glsl read it."""
 
     grid: VoxelGrid
-    brick_mask: moderngl.Texture3D
-    brick_base: moderngl.Texture3D
-    brick_distance: moderngl.Texture3D
+    bricks: moderngl.Texture3D
     cells: moderngl.Texture
     cell_triangles: moderngl.Texture
     cell_opacities: moderngl.Texture | None
@@ -72,9 +70,7 @@ class Voxels:
         """Bind everything that tracing reads."""
         slot = interface.slot
         self.triangles.use(slot("TEX_TRIANGLES"))
-        self.brick_mask.use(slot("TEX_BRICK_MASK"))
-        self.brick_base.use(slot("TEX_BRICK_BASE"))
-        self.brick_distance.use(slot("TEX_BRICK_DISTANCE"))
+        self.bricks.use(slot("TEX_BRICKS"))
         self.cells.use(slot("TEX_CELLS"))
         self.cell_triangles.use(slot("TEX_CELL_TRIANGLES"))
         if self.cell_opacities is not None:
@@ -142,8 +138,8 @@ class VoxelizePass:
 
     def _steps(self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass) -> Iterator[float]:
         gpu, slot, grid = self.gpu, interface.slot, geometry.grid
-        mask = gpu.texture_3d("brick masks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
-        self._owned.append(mask)
+        mask = gpu.texture_3d("voxel marks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
+        self._temporary.append(mask)
         with gpu.timed("voxelize"):
             total, work = self._work(geometry)
         yield 0.1
@@ -159,7 +155,7 @@ class VoxelizePass:
             mask.bind_to_image(slot("IMG_0"), read=True, write=True)
             kernel.run_list(total)
             gpu.barrier()  # read back, then as a texture
-            base, distance, packed = self._number_cells(mask, grid)
+            bricks, packed = self._number_cells(mask, grid)
             batch_counts = np.frombuffer(counters.read(), np.uint32)[: len(materials.batches)].astype(np.int64)
             starts = np.concatenate([[0], np.cumsum(batch_counts)])
             counters.write(starts[:-1].astype(np.uint32).tobytes())
@@ -171,13 +167,12 @@ class VoxelizePass:
             counts = gpu.buffer("voxel counts", size=8 * cells)
             self._temporary += [pairs, counts]
             kernel = gpu.kernel("voxel_pairs").set(grid_size=grid.size, work_count=total)
-            mask.use(slot("TEX_BRICK_MASK"))
-            base.use(slot("TEX_BRICK_BASE"))
+            bricks.use(slot("TEX_BRICKS"))
             counts.bind_to_storage_buffer(slot("BUF_SUMS"))
             pairs.bind_to_storage_buffer(slot("BUF_PAIRS"))
             kernel.run_list(total)
             gpu.barrier()  # the counts are read back, the pairs by the next step
-            voxels = self._allocate(geometry, materials, mask, base, distance, counts, cells)
+            voxels = self._allocate(geometry, materials, bricks, counts, cells)
             positions = gpu.list_texture("voxel cell positions", cells, 1, "u4", packed if cells else None)
             self._temporary.append(positions)
         yield 0.4
@@ -223,7 +218,7 @@ class VoxelizePass:
         gpu, slot = self.gpu, interface.slot
         positions = gpu.buffer("voxel cell positions", packed)
         self._temporary.append(positions)
-        kernel = gpu.kernel("voxel_resolve", {"HAS_EMISSION": materials.has_emission, "HAS_OPACITY": False})
+        kernel = gpu.kernel("voxel_resolve", {"HAS_EMISSION": materials.has_emission})
         voxels.bind(kernel)
         kernel.set(cell_count=len(packed), sum_words=words)
         sums.bind_to_storage_buffer(slot("BUF_SUMS"))
@@ -233,8 +228,13 @@ class VoxelizePass:
         faces.reflectance.bind_to_image(slot("IMG_1"), read=False, write=True)
         if faces.emission is not None:
             faces.emission.bind_to_image(slot("IMG_2"), read=False, write=True)
+        kernel.run_list(3 * len(packed))
+        gpu.barrier()  # sites are found from the faces
+        kernel = gpu.kernel("voxel_sites").set(cell_count=len(packed))
+        faces.bind()
+        voxels.cells.bind_to_image(slot("IMG_0"), read=True, write=True)
         kernel.run_list(len(packed))
-        gpu.barrier()  # injection and links read the faces
+        gpu.barrier()  # injection and links read faces and sites
 
     def _work(self, geometry: Geometry) -> tuple[int, moderngl.Buffer]:
         """How many work items there are, and the items."""
@@ -260,23 +260,21 @@ class VoxelizePass:
         run(count=False)
         return total, work
 
-    def _number_cells(
-        self, mask: moderngl.Texture3D, grid: VoxelGrid
-    ) -> tuple[moderngl.Texture3D, moderngl.Texture3D, np.ndarray]:
-        gpu = self.gpu
+    def _number_cells(self, mask: moderngl.Texture3D, grid: VoxelGrid) -> tuple[moderngl.Texture3D, np.ndarray]:
+        """The brick texture, and the packed positions of the occupied cells."""
         masks = np.frombuffer(mask.read(), np.uint64)
         counts = popcount(masks)
-        first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.uint32)
         shape = grid.bricks[::-1]
-        base = gpu.texture_3d("brick bases", grid.bricks, 1, "u4", first.reshape(shape))
-        distances = brick_distances((masks != 0).reshape(shape))
-        distance = gpu.texture_3d("brick distances", grid.bricks, 1, "u1", distances)
-        self._owned += [base, distance]
-        return base, distance, cell_positions(masks, grid.bricks)
+        texels = np.empty((len(masks), 4), np.uint32)
+        texels[:, :2] = masks.view(np.uint32).reshape(-1, 2)
+        texels[:, 2] = np.cumsum(counts) - counts
+        texels[:, 3] = brick_distances((masks != 0).reshape(shape)).ravel()
+        bricks = self.gpu.texture_3d("bricks", grid.bricks, 4, "u4", texels)
+        self._owned.append(bricks)
+        return bricks, cell_positions(masks, grid.bricks)
 
     def _allocate(
-        self, geometry: Geometry, materials: MaterialSet, mask: moderngl.Texture3D, base: moderngl.Texture3D,
-        distance: moderngl.Texture3D, counts: moderngl.Buffer, cells: int,
+        self, geometry: Geometry, materials: MaterialSet, bricks: moderngl.Texture3D, counts: moderngl.Buffer, cells: int
     ) -> Voxels:
         gpu = self.gpu
         table = np.frombuffer(counts.read(), np.uint32)[: 2 * cells].reshape(-1, 2)
@@ -305,7 +303,7 @@ class VoxelizePass:
             cell_texture, triangles, opacities, textures.place, textures.reflectance, textures.emission,
         ]  # fmt: skip
         return Voxels(
-            geometry.grid, mask, base, distance, cell_texture, triangles, opacities, textures, geometry.triangles,
+            geometry.grid, bricks, cell_texture, triangles, opacities, textures, geometry.triangles,
             cells, pairs,
         )  # fmt: skip
 

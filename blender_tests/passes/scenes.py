@@ -161,7 +161,7 @@ def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, scale: Any = 1.0) -> np.n
 
 
 def scene(
-    *objects: tuple[Any, ...], lights: Sequence[LightData] = (), world: WorldData | None = None,  # noqa: A002
+    *objects: tuple[Any, ...], lights: Sequence[LightData] = (), world: WorldData | None = None,
     camera: CameraData | None = None, **more: Any,
 ) -> SceneData:
     """``objects``: (mesh, material[, matrix[, visibility]]). Meshes and materials given twice are shared."""

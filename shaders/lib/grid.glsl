@@ -8,8 +8,8 @@
 
 uniform ivec3 grid_size;  // cells, a multiple of BRICK on each axis
 
-layout(binding = TEX_BRICK_MASK) uniform usampler3D brick_mask_tex;
-layout(binding = TEX_BRICK_BASE) uniform usampler3D brick_base_tex;
+// Of each brick: two words with a bit for each cell, index of its first occupied cell, bricks to the nearest other.
+layout(binding = TEX_BRICKS) uniform usampler3D bricks_tex;
 
 uint brick_bit(ivec3 cell)
 {
@@ -17,27 +17,16 @@ uint brick_bit(ivec3 cell)
     return uint(c.x | (c.y << 2) | (c.z << 4));
 }
 
-// Where the word with the bit of `cell` is in the mask volume.
-ivec3 mask_texel(ivec3 cell, uint bit)
-{
-    ivec3 brick = cell / BRICK;
-    return ivec3(2 * brick.x + int(bit >> 5), brick.yz);
-}
-
 bool inside_grid(ivec3 cell)
 {
     return all(greaterThanEqual(cell, ivec3(0))) && all(lessThan(cell, grid_size));
 }
 
-// Index of an occupied cell, whose bit is set in `word`.
-uint occupied_cell_index(ivec3 cell, uint bit, uint word)
+// Index of the occupied cell that `bit` of `brick` stands for: occupied cells before it, plus the brick's first.
+uint occupied_cell_index(uvec4 brick, uint bit)
 {
-    ivec3 brick = cell / BRICK;
-    uint before = bitCount(word & ((1u << (bit & 31u)) - 1u));
-    if (bit >= 32u) {
-        before += bitCount(texelFetch(brick_mask_tex, ivec3(2 * brick.x, brick.yz), 0).r);
-    }
-    return texelFetch(brick_base_tex, brick, 0).r + before;
+    uint below = (1u << (bit & 31u)) - 1u;
+    return brick.z + (bit < 32u ? bitCount(brick.x & below) : bitCount(brick.x) + bitCount(brick.y & below));
 }
 
 // Index of `cell`, or NONE_INDEX when it is empty or outside.
@@ -47,11 +36,9 @@ uint cell_index(ivec3 cell)
         return NONE_INDEX;
     }
     uint bit = brick_bit(cell);
-    uint word = texelFetch(brick_mask_tex, mask_texel(cell, bit), 0).r;
-    if ((word >> (bit & 31u) & 1u) == 0u) {
-        return NONE_INDEX;
-    }
-    return occupied_cell_index(cell, bit, word);
+    uvec4 brick = texelFetch(bricks_tex, cell / BRICK, 0);
+    uint word = bit < 32u ? brick.x : brick.y;
+    return (word >> (bit & 31u) & 1u) == 0u ? NONE_INDEX : occupied_cell_index(brick, bit);
 }
 
 // Facings are numbered +x -x +y -y +z -z.
@@ -62,8 +49,33 @@ vec3 facing_vector(uint facing)
     return axis;
 }
 
-// Index of a cell's face: faces of a cell follow each other in the order of their bits in the mask.
-uint face_index(uvec4 cell_record, uint facing)
+// Cells have a record (rgba32ui): first triangle, triangle count, first face, and packed facings: bits 0 to 5 say which
+// there are, bits 6 to 23 hold three for each facing: the facing whose place and light stand for it too (its site).
+
+// Index of a cell's face: faces of a cell follow each other in the order of their bits.
+uint face_index(uvec4 record, uint facing)
 {
-    return cell_record.z + bitCount(cell_record.w & ((1u << facing) - 1u));
+    return record.z + bitCount(record.w & ((1u << facing) - 1u));
+}
+
+uint site_facing(uvec4 record, uint facing)
+{
+    return record.w >> (6u + 3u * facing) & 7u;
+}
+
+bool has_facing(uvec4 record, uint facing)
+{
+    return facing < 6u && (record.w >> facing & 1u) != 0u;
+}
+
+// Facing that a thread works on when there is one thread for each facing of each cell: neighbouring threads take the
+// same facing of neighbouring cells, so that what they do is alike.
+uint facing_of_thread(uint number, uint cell_count)
+{
+    return number / max(cell_count, 1u);
+}
+
+uint cell_of_thread(uint number, uint cell_count)
+{
+    return number % max(cell_count, 1u);
 }

@@ -8,7 +8,6 @@
 #include "lib/grid.glsl"
 #include "lib/triangle.glsl"
 
-layout(binding = TEX_BRICK_DISTANCE) uniform usampler3D brick_distance_tex;
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
 layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
 #if HAS_OPACITY
@@ -55,32 +54,35 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
     int budget = grid_size.x + grid_size.y + grid_size.z + 8;  // a straight line crosses no more cells
     bool inside = true;
     while (inside) {
-        uint next = 0u, end = 0u;  // triangles of the occupied cell that was found
+        bool occupied = false;
+        uvec4 brick = uvec4(0u);
+        uint bit = 0u;
         float t_exit = t;
-        while (inside && next == end) {
-            ivec3 brick = cell / BRICK;
-            int empty = int(texelFetch(brick_distance_tex, brick, 0).r);
-            uint bit = brick_bit(cell);
-            uint word = texelFetch(brick_mask_tex, mask_texel(cell, bit), 0).r;
-            ivec3 in_brick = cell & (BRICK - 1);
+        while (inside && !occupied) {
+            ivec3 at_brick = cell / BRICK;
+            brick = texelFetch(bricks_tex, at_brick, 0);
+            int empty = int(brick.w);
+            bit = brick_bit(cell);
+            uint word = bit < 32u ? brick.x : brick.y;
+            occupied = (word >> (bit & 31u) & 1u) != 0u;
             // Bits of the block of 2x2x2 cells around this one.
-            uint block = 0x00330033u << ((in_brick.x & 2) + ((in_brick.y & 2) << 2));
+            uint block = 0x00330033u << ((cell.x & 2) + ((cell.y & 2) << 2));
             bool free = (word & block) == 0u;
-            ivec3 lo = empty > 0 ? (brick - empty + 1) * BRICK : (free ? cell & ~1 : cell);
-            ivec3 hi = empty > 0 ? (brick + empty) * BRICK : lo + (free ? 2 : 1);
-            if ((word >> (bit & 31u) & 1u) != 0u) {
-                uvec4 record = texelFetch(cells_tex, list_texel(occupied_cell_index(cell, bit, word)), 0);
-                next = record.x;
-                end = record.x + record.y;
-            }
+            ivec3 lo = empty > 0 ? (at_brick - empty + 1) * BRICK : (free ? cell & ~1 : cell);
+            ivec3 hi = empty > 0 ? (at_brick + empty) * BRICK : lo + (free ? 2 : 1);
             vec3 planes = mix(vec3(lo), vec3(hi), forward);
             vec3 at_plane = (planes - origin) * inverse;
             t_exit = min(at_plane.x, min(at_plane.y, at_plane.z));
-            int axis = at_plane.x == t_exit ? 0 : (at_plane.y == t_exit ? 1 : 2);
+            bvec3 leaves = equal(at_plane, vec3(t_exit));
             cell = clamp(ivec3(floor(origin + d * t_exit)), max(lo, ivec3(0)), min(hi, grid_size) - 1);
-            cell[axis] = forward[axis] ? hi[axis] : lo[axis] - 1;
-            inside = t_exit < t_end && cell[axis] >= 0 && cell[axis] < grid_size[axis] && --budget > 0;
+            cell = ivec3(mix(vec3(cell), mix(vec3(lo) - 1.0, vec3(hi), forward), leaves));
+            inside = t_exit < t_end && inside_grid(cell) && --budget > 0;
         }
+        uvec4 record = uvec4(0u);
+        if (occupied) {
+            record = texelFetch(cells_tex, list_texel(occupied_cell_index(brick, bit)), 0);
+        }
+        uint next = record.x, end = record.x + record.y;
         while (next < end) {
             uint index = texelFetch(cell_triangles_tex, list_texel(next), 0).r;
             ivec2 at = triangle_texel(index);

@@ -9,7 +9,7 @@ layout(local_size_x = GROUP_SIZE) in;
 layout(std430, binding = BUF_WORK) readonly buffer Work { uvec2 work[]; };
 layout(std430, binding = BUF_MATERIALS) readonly buffer Batches { uint batch_of_material[]; };
 layout(std430, binding = BUF_COUNTS) buffer Counters { uint counters[]; };
-layout(binding = IMG_0, r32ui) uniform uimage3D mask_img;
+layout(binding = IMG_0, r32ui) uniform uimage3D mask_img;  // two words a brick, side by side in x
 
 uniform uint work_count;
 
@@ -18,7 +18,8 @@ uint pairs = 0u;
 void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal)
 {
     uint bit = brick_bit(cell);
-    imageAtomicOr(mask_img, mask_texel(cell, bit), 1u << (bit & 31u));
+    ivec3 brick = cell / BRICK;
+    imageAtomicOr(mask_img, ivec3(2 * brick.x + int(bit >> 5), brick.yz), 1u << (bit & 31u));
     ++pairs;
 }
 
