@@ -31,8 +31,9 @@ class Measured:
         inputs[:, :3] = (point - np.array(GRID.origin)) / GRID.cell_size
         inputs[:, 4:7] = directions
         inputs[:, 8:10] = strata(COUNT)
-        kernel = test_kernel(gpu, "light")
-        table.bind(kernel, Settings(light_falloff=falloff))
+        chosen = Settings(light_falloff=falloff)
+        kernel = test_kernel(gpu, "light", table.defines(chosen))
+        table.bind(kernel, chosen)
         found = map_list(gpu, kernel, inputs, 12)
         table.release()
         self.direction, self.distance = found[:, :3], found[:, 3] * GRID.cell_size
