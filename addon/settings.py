@@ -127,8 +127,8 @@ class Settings:
         lo=8, hi=1024, soft_hi=512, cost="memory and voxel time grow with its square",
     )
     memory_budget: int = _setting(
-        "Memory Budget", 256, "Most memory that voxels may take when the resolution is automatic.", Panel.VOXELS,
-        lo=16, hi=65536, soft_hi=4096, unit=Unit.MEBIBYTE,
+        "Memory Budget", 64, "Most memory that voxels may take when the resolution is automatic.", Panel.VOXELS,
+        lo=4, hi=65536, soft_hi=4096, unit=Unit.MEBIBYTE,
     )
     bounces: int = _setting(
         "Bounces", 64, "Most times that light is passed between voxels before the picture gathers it; it stops sooner "
@@ -186,8 +186,6 @@ class Settings:
     )
     time_limit: float = _setting("Time Limit", 0.0, "Stop after this time with the passes done so far. 0: no limit.", Panel.PERFORMANCE,
                                  lo=0.0, hi=1e6, soft_hi=3600.0, unit=Unit.SECOND)
-    debug_checks: bool = _setting("Check Buffers", False, "Look for NaN and infinite values in every buffer after every step.",
-                                  Panel.PERFORMANCE, cost="reads every buffer back: slow")
 
     @classmethod
     def declarations(cls) -> dict[str, Setting]:
@@ -218,9 +216,9 @@ class Settings:
 
 #: What each preset changes from the defaults.
 PRESETS: dict[str, dict[str, Any]] = {
-    "draft": {"samples": 4, "rays": 4, "bounces": 16, "bounce_rays": 4, "memory_budget": 64},
+    "draft": {"samples": 4, "rays": 4, "bounces": 16, "bounce_rays": 4, "memory_budget": 16},
     "balanced": {},
-    "final": {"samples": 128, "rays": 4, "bounces": 256, "bounce_rays": 16, "memory_budget": 1024},
+    "final": {"samples": 128, "rays": 4, "bounces": 256, "bounce_rays": 16, "memory_budget": 256},
 }
 
 
