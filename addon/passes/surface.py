@@ -216,6 +216,10 @@ class SurfacePass:
 
     def release(self) -> None:
         """Free everything."""
+        if self._framebuffer is not None:
+            # moderngl binds again what it bound last, and would bind a framebuffer that is gone.
+            self.gpu.mgl.detect_framebuffer(0).use()
+            self._framebuffer = None
         self.gpu.free(*self._owned)
         self._owned = []
         self.pictures = None

@@ -56,7 +56,6 @@ def gpu(gpu_session: GpuContext) -> Iterator[GpuContext]:
         gpu_session.times.clear()
         objects, memory = gpu_session.object_count, dict(gpu_session.memory)
         yield gpu_session
-        assert gpu_session.mgl.error == "GL_NO_ERROR"
-        assert loader.debug_messages(gl) == []
+        assert (gpu_session.mgl.error, loader.debug_messages(gl)) == ("GL_NO_ERROR", [])
         assert gpu_session.object_count == objects, "the test left GL objects behind"
         assert gpu_session.memory == memory

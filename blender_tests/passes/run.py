@@ -111,7 +111,8 @@ def read_faces(voxels: Voxels, records: np.ndarray) -> np.ndarray:
 
 
 def read_voxels(voxels: Voxels, geometry: Geometry) -> VoxelData:
-    masks = np.frombuffer(voxels.brick_mask.read(), np.uint64).copy()
+    words = np.frombuffer(voxels.bricks.read(), np.uint32).reshape(-1, 4)
+    masks = np.ascontiguousarray(words[:, :2]).view(np.uint64).ravel()
     packed = cell_positions(masks, voxels.grid.bricks)
     cells = np.stack([packed & 2047, packed >> 11 & 2047, packed >> 22], axis=1).astype(np.int64)
     records = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count].astype(np.int64)

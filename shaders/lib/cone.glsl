@@ -42,13 +42,14 @@ vec4 trace_cone(Cone cone)
         if (any(lessThan(p, vec3(-0.5 * side))) || any(greaterThan(p, box + 0.5 * side))) {
             break;
         }
+        float height = dot(p - cone.origin, cone.normal);  // above the receiver's tangent plane
         vec4 q = vec4(0.0);
         for (int axis = 0; axis < 3; ++axis) {
             // The facing that looks against the cone.
             bool negative = cone.direction[axis] > 0.0;
             float facing_normal = negative ? -cone.normal[axis] : cone.normal[axis];
-            // Near a sheet both its sides are in the same cells: the receiver's own back must not count.
-            float keep = t < 2.0 * cone_cell && facing_normal < 0.0 ? 1.0 + facing_normal : 1.0;
+            // Both sides of a sheet are in the same cells: the receiver's own back must not count where the filter reaches it.
+            float keep = height < 2.0 * side && facing_normal < 0.0 ? 1.0 + facing_normal : 1.0;
             vec3 at = clamp(p, vec3(0.0), box);
             at.z += float((2 * axis + (negative ? 1 : 0)) * cone_stride) * cone_cell;
             q += abs(cone.direction[axis]) * keep * textureLod(cones_tex, at * scale, level);

@@ -17,11 +17,12 @@ void main()
     if (index >= count) {
         return;
     }
+    Light light = fetch_light(lights_tex, 0u);
     vec3 position = inputs[3u * index].xyz;
-    LightSample s = sample_light(lights[0], position, inputs[3u * index + 2u].xy);
+    LightSample s = sample_light(light, position, inputs[3u * index + 2u].xy);
     float distance;
-    vec3 seen = light_along_ray(lights[0], position, inputs[3u * index + 1u].xyz, distance);
+    vec3 seen = light_along_ray(light, position, inputs[3u * index + 1u].xyz, distance);
     results[3u * index] = vec4(s.direction, s.distance);
-    results[3u * index + 1u] = vec4(s.irradiance, light_half_angle(lights[0], position));
+    results[3u * index + 1u] = vec4(s.irradiance, light_half_angle(light, position));
     results[3u * index + 2u] = vec4(seen, distance);
 }

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The frame as a whole: the same bits again, only what changed again, only what the scene needs."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from addon.features import Features
+from addon.gpu.context import GpuContext
+from addon.pipeline import Pipeline
+from addon.scene import LightKind, SceneData
+from addon.settings import Settings
+from blender_tests.passes import scenes
+from blender_tests.passes.run import pipeline, prepare, radiance, read_voxels, sample
+from blender_tests.passes.test_film import PASSES, glossy_room
+
+SETTINGS = scenes.settings(20, bounces=3)
+SIZE = (24, 18)
+
+
+def bits(made: Pipeline) -> dict[str, bytes]:
+    """Everything that was made: faces, their light, the pictures."""
+    found = read_voxels(made._voxelize.voxels, made._geometry.geometry)  # type: ignore[arg-type]
+    kept = {"faces": found.faces.tobytes(), "masks": found.masks.tobytes(), "light": radiance(made).tobytes()}
+    return kept | {name: made.film.read(name).tobytes() for name in made.film.names}
+
+
+def fresh(gpu: GpuContext, made: SceneData, settings: Settings = SETTINGS, samples: int = 2) -> dict[str, bytes]:
+    with pipeline(gpu, made, settings, SIZE, samples=samples, outputs=PASSES) as ready:
+        return bits(ready)
+
+
+def with_sun(made: SceneData, strength: float) -> SceneData:
+    lights = (scenes.light(LightKind.SUN, strength, direction=(0.3, 0.2, -1.0), angle=0.05), *made.lights[1:])
+    return dataclasses.replace(made, lights=lights)
+
+
+# The same bits --------------------------------------------------------------------------------------------------
+
+
+def test_two_pipelines_give_the_same_bits(gpu: GpuContext) -> None:
+    made = glossy_room()
+    assert fresh(gpu, made) == fresh(gpu, made)
+
+
+def test_memory_that_was_used_before_does_not_show(gpu: GpuContext) -> None:
+    """Between two runs the driver's memory is filled with NaN: nothing may read what it did not write."""
+    made = glossy_room()
+    first = fresh(gpu, made)
+    held = [gpu.texture("test", (1024, 1024), 4, "f4", np.full((1024, 1024, 4), np.nan, np.float32)) for _ in range(4)]
+    held += [gpu.texture("test", (4096, k), 4, "f4", np.full((k, 4096, 4), np.nan, np.float32)) for k in (1, 1, 1, 2, 2, 4)]
+    held += [gpu.texture("test", SIZE, 4, "f4", np.full((*SIZE, 4), np.nan, np.float32)) for _ in range(12)]
+    gpu.submit()
+    gpu.free(*held)
+    assert fresh(gpu, made) == first
+
+
+def test_another_seed_gives_another_picture(gpu: GpuContext) -> None:
+    made = glossy_room()
+    one, two = fresh(gpu, made), fresh(gpu, made, dataclasses.replace(SETTINGS, seed=1))
+    assert one["faces"] == two["faces"] and one["combined"] != two["combined"]
+    means = [np.frombuffer(x["combined"], np.float32).mean() for x in (one, two)]
+    assert means[0] == pytest.approx(means[1], rel=0.1)
+
+
+# Only what changed ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "again", "kept"),
+    [
+        ("light", {"inject", "bounce"}, {"materials", "geometry", "voxelize", "link"}),
+        ("camera", set(), {"materials", "geometry", "voxelize", "link", "inject", "bounce"}),
+        ("bounces", {"bounce"}, {"materials", "geometry", "voxelize", "link"}),
+        ("world", {"link", "bounce"}, {"materials", "geometry", "voxelize"}),
+        ("material", {"materials", "voxelize", "inject", "bounce"}, set()),
+        ("instance", {"geometry", "voxelize", "link", "inject", "bounce"}, {"materials"}),
+        ("size", set(), {"materials", "geometry", "voxelize", "link", "inject", "bounce"}),
+    ],
+)
+def test_only_what_depends_on_a_change_is_done_again(change: str, again: set[str], kept: set[str], gpu: GpuContext) -> None:
+    made, settings = glossy_room(), SETTINGS
+    changed, other_settings = made, settings
+    if change == "light":
+        changed = with_sun(made, 7.0)
+    elif change == "camera":
+        changed = dataclasses.replace(made, camera=scenes.camera((0.5, -3.0, 1.0)))
+    elif change == "bounces":
+        other_settings = dataclasses.replace(settings, bounces=1)
+    elif change == "world":
+        changed = dataclasses.replace(made, world=scenes.world(0.7))
+    elif change == "material":
+        changed = dataclasses.replace(made, materials=(scenes.diffuse((0.2, 0.8, 0.2)), *made.materials[1:]))
+    elif change == "instance":
+        moved = dataclasses.replace(made.instances[1], world_from_object=scenes.at(-0.4, 0.3, 0.8))
+        changed = dataclasses.replace(made, instances=(made.instances[0], moved, *made.instances[2:]))
+    with pipeline(gpu, made, settings, (30, 30) if change == "size" else SIZE, samples=1, outputs=PASSES) as ready:
+        gpu.times.clear()
+        prepare(ready, changed, other_settings, SIZE)
+        done = set(gpu.times)
+        sample(ready, 2)
+        after = bits(ready)
+    assert again <= done, f"not done again: {again - done}"
+    assert not kept & done, f"done again: {kept & done}"
+    assert after == fresh(gpu, changed, other_settings)
+
+
+@pytest.mark.parametrize("stop", range(1, 12))
+def test_what_was_interrupted_is_done_again(stop: int, gpu: GpuContext) -> None:
+    """Another light and more links, given up after some steps, then the first scene again: the same bits as ever."""
+    made = glossy_room()
+    other = with_sun(dataclasses.replace(made, world=scenes.world(0.9)), 9.0)
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=0, outputs=PASSES) as ready:
+        steps = ready.prepare(other, dataclasses.replace(SETTINGS, bounce_rays=16), SIZE)
+        for _, _ in zip(range(stop), steps, strict=False):
+            pass
+        steps.close()
+        prepare(ready, made, SETTINGS, SIZE)
+        sample(ready, 2)
+        after = bits(ready)
+    assert after == fresh(gpu, made)
+
+
+def test_fractions_grow(gpu: GpuContext) -> None:
+    """Progress never goes back, and ends at 1."""
+    ready = Pipeline(gpu)
+    try:
+        for steps in (ready.prepare(glossy_room(), SETTINGS, SIZE), ready.sample()):
+            fractions = [step.fraction for step in steps]
+            assert fractions == sorted(fractions) and fractions[-1] == 1.0
+    finally:
+        ready.release()
+
+
+def test_release_is_complete(gpu: GpuContext) -> None:
+    """Nothing lives after ``release``, also when a pipeline never ran or stopped in the middle of a step."""
+    before = gpu.object_count
+    Pipeline(gpu).release()
+    for stop in range(12):
+        ready = Pipeline(gpu)
+        steps = ready.prepare(glossy_room(), SETTINGS, SIZE)
+        for _, _ in zip(range(stop), steps, strict=False):
+            pass
+        steps.close()
+        ready.release()
+        assert gpu.object_count == before
+
+
+# Only what is needed --------------------------------------------------------------------------------------------
+
+
+def report(gpu: GpuContext, made: SceneData, settings: Settings) -> tuple[Features, list[str], set[str], set[str]]:
+    """Features, passes that ran, programs that were compiled, storage that was allocated."""
+    session = gpu.mgl
+    del session
+    compiled: set[str] = set()
+    original = gpu.kernel
+
+    def noted(name: str, *arguments: object, **named: object) -> object:
+        compiled.add(name)
+        return original(name, *arguments, **named)  # type: ignore[arg-type]
+
+    gpu.kernel = noted  # type: ignore[assignment, method-assign]
+    try:
+        gpu.times.clear()
+        with pipeline(gpu, made, settings, SIZE, samples=1) as ready:
+            assert ready.features is not None
+            passes = [entry["name"] for entry in ready.statistics()["passes"]]
+            return ready.features, passes, compiled, set(ready.statistics()["memory"])
+    finally:
+        gpu.kernel = original  # type: ignore[method-assign]
+
+
+def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
+    """No texture, emission, gloss, transparency or world: written by hand."""
+    features, passes, programs, memory = report(gpu, scenes.cornell(), scenes.settings(16, bounces=2))
+    assert features.names == ["geometry", "lights", "diffuse_gather", "direct", "visible_lights", "radiance", "bounces"]
+    assert set(passes) - {"compile"} == {
+        "materials", "geometry", "voxelize", "inject", "link", "bounce", "visibility", "surface", "light shapes",
+        "direct", "gather", "compose",
+    }  # fmt: skip
+    assert programs == {
+        "transform", "work", "voxel_mark", "voxel_pairs", "voxel_accumulate", "voxel_resolve", "voxel_sites", "inject",
+        "link", "bounce", "pixel_bins", "surface", "light_shapes", "direct", "gather", "compose",
+    }  # fmt: skip
+    for absent in ("face emission", "cell opacities", "sky light of faces", "world", "cone levels", "image textures", "samplers"):
+        assert absent not in memory
+
+
+def test_empty_scene_needs_only_this(gpu: GpuContext) -> None:
+    features, passes, programs, memory = report(gpu, scenes.scene(), scenes.settings(16))
+    assert features.names == []
+    assert programs <= {"work", "voxel_mark", "voxel_pairs", "voxel_resolve", "voxel_sites", "compose"}
+    assert "direct light" not in memory and "indirect light" not in memory and "face radiance" not in memory
+    assert "link" not in passes and "gather" not in passes and "bounce" not in passes
+
+
+def test_settings_switch_things_off(gpu: GpuContext) -> None:
+    """No indirect light: no links, no bounces, no gather. No bounces: no links."""
+    _, passes, programs, memory = report(gpu, scenes.cornell(), scenes.settings(16, use_indirect=False))
+    assert not {"link", "bounce", "inject", "gather"} & (set(passes) | programs) and "links" not in memory
+    _, passes, _, memory = report(gpu, scenes.cornell(), scenes.settings(16, bounces=0))
+    assert "link" not in passes and "links" not in memory and "gather" in passes
+    _, passes, programs, _ = report(gpu, scenes.cornell(), scenes.settings(16, use_direct=False))
+    assert "direct" not in programs and "inject" in programs

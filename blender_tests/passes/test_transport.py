@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light in voxels: direct light by its formula, bounces in closed and open rooms, the picture of a furnace."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from addon.gpu.context import GpuContext
+from addon.materials.operations import specular_scale_bias
+from addon.scene import LightKind, RayVisibility
+from blender_tests.passes import scenes
+from blender_tests.passes.run import pipeline, radiance, read_voxels, sample
+
+
+def facing_up(made: object) -> np.ndarray:
+    """Which voxel faces face +z, and carry surface of their own."""
+    found = read_voxels(made._voxelize.voxels, made._geometry.geometry)  # type: ignore[attr-defined]
+    return found.faces["facing"] == 4
+
+
+# Injection ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 75.0])
+def test_sun_on_a_plane(degrees: float, gpu: GpuContext) -> None:
+    """Albedo a under irradiance E at an angle: a E cos / pi above, nothing below."""
+    angle = np.radians(degrees)
+    sun = scenes.light(LightKind.SUN, (3.0, 2.0, 1.0), direction=(np.sin(angle), 0.0, -np.cos(angle)))
+    made = scenes.scene((scenes.plane(2.0), scenes.diffuse((0.5, 0.25, 1.0))), lights=[sun])
+    with pipeline(gpu, made, scenes.settings(12, bounces=0), samples=0) as ready:
+        up = facing_up(ready)
+        expected = np.array([3.0 * 0.5, 2.0 * 0.25, 1.0]) * np.cos(angle) / np.pi
+        found = radiance(ready)
+        np.testing.assert_allclose(found[up], np.broadcast_to(expected, found[up].shape), rtol=2e-3)
+        assert up.sum() > 80 and found[~up].max() == 0.0
+
+
+def test_lights_obey_shadows_and_visibility(gpu: GpuContext) -> None:
+    """Under a roof it is dark; not when the light casts no shadow, or the roof is unseen by shadow rays, or shadows are
+    off; and it is when the light has no effect on diffuse surfaces."""
+    floor, roof = scenes.plane(2.0), scenes.plane(6.0, 1.0)
+    white = scenes.diffuse(0.8)
+
+    def brightest(roof_seen_by: RayVisibility = RayVisibility.ALL, use_shadows: bool = True, **light: object) -> float:
+        sun = scenes.light(LightKind.SUN, np.pi, direction=(0.0, 0.0, -1.0), **light)
+        made = scenes.scene((floor, white), (roof, white, np.eye(4), roof_seen_by), lights=[sun])
+        with pipeline(gpu, made, scenes.settings(24, bounces=0, use_shadows=use_shadows), samples=0) as ready:
+            found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+            low = (found.faces["facing"] == 4) & (found.face_cells[:, 2] < found.cells[:, 2].mean())
+            return float(radiance(ready)[low].max())
+
+    assert brightest() == 0.0
+    assert brightest(casts_shadow=False) == pytest.approx(0.8, rel=2e-3)
+    assert brightest(use_shadows=False) == pytest.approx(0.8, rel=2e-3)
+    assert brightest(RayVisibility.ALL & ~RayVisibility.SHADOW) == pytest.approx(0.8, rel=2e-3)
+    assert brightest(casts_shadow=False, visibility=RayVisibility.ALL & ~RayVisibility.DIFFUSE) == 0.0
+
+
+def test_emission_leaves_its_face(gpu: GpuContext) -> None:
+    made = scenes.scene((scenes.plane(2.0), scenes.emission((4.0, 2.0, 0.5))))
+    with pipeline(gpu, made, scenes.settings(8, bounces=0), samples=0) as ready:
+        found = radiance(ready)
+        np.testing.assert_allclose(found, np.broadcast_to([4.0, 2.0, 0.5], found.shape), rtol=1e-3)
+
+
+# Bounces --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("albedo", [0.5, 0.8, 0.95])
+def test_closed_box(albedo: float, gpu: GpuContext) -> None:
+    """Emission 1 - r on walls of albedo r: after n bounces 1 - r^(n + 1), in the end 1 on every face inside."""
+    made = scenes.scene((scenes.box(inside_out=True), scenes.glowing(albedo, 1.0 - albedo)))
+    for bounces in (3, 200):
+        with pipeline(gpu, made, scenes.settings(16, bounces=bounces), samples=0) as ready:
+            found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+            middle = np.array(found.voxels.grid.grid_from_world[:3, 3])
+            inside = np.einsum("fk,fk->f", found.faces["normal"], middle - found.faces["position"]) > 0
+            expected = 1.0 - albedo**4 if bounces == 3 else 1.0
+            # Reflectances are half floats, and bounces stop when little changes: 1/(1 - r) makes more of both near 1.
+            np.testing.assert_allclose(radiance(ready)[inside], expected, atol=5e-3 if albedo < 0.9 else 1.2e-2)
+            np.testing.assert_allclose(radiance(ready)[~inside], 1.0 - albedo, atol=1e-3)  # black outside
+            assert inside.sum() > 1000
+
+
+def test_sky_over_a_plane(gpu: GpuContext) -> None:
+    """Under a sky of radiance L a plane of albedo a leaves a L above; what is below sees the sky too."""
+    made = scenes.scene((scenes.plane(2.0), scenes.diffuse(0.6)), world=scenes.world((2.0, 1.0, 0.5)))
+    with pipeline(gpu, made, scenes.settings(8, bounces=1), samples=0) as ready:
+        found = radiance(ready)
+        np.testing.assert_allclose(found, np.broadcast_to([1.2, 0.6, 0.3], found.shape), rtol=2e-3)
+
+
+def test_black_world_brings_nothing(gpu: GpuContext) -> None:
+    """An open, unlit, white plane stays black: no light is made."""
+    made = scenes.scene(
+        (scenes.plane(2.0), scenes.diffuse(1.0)), (scenes.plane(0.2, 1.0), scenes.emission(0.0)), world=scenes.world(0.0)
+    )
+    with pipeline(gpu, made, scenes.settings(8), samples=1) as ready:
+        assert ready.film.read("combined")[..., :3].max() == 0.0
+
+
+def test_form_factor_of_parallel_squares(gpu: GpuContext) -> None:
+    """A square that emits 1 over an equal black one at its own side's distance: mean incoming / pi = 0.1998."""
+    down = np.diag([1.0, -1.0, -1.0, 1.0])
+    made = scenes.scene(
+        (scenes.plane(2.0), scenes.diffuse(1.0)),
+        (scenes.plane(2.0), scenes.emission(1.0), scenes.at(z=2.0) @ down),
+        camera=scenes.camera((0, 0, 1.9), width=2.0),
+    )
+    with pipeline(gpu, made, scenes.settings(24, bounces=1, bounce_rays=64), samples=0) as ready:
+        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        faces = found.faces
+        low = (faces["facing"] == 4) & (faces["position"][:, 2] < faces["position"][:, 2].mean())
+        mean = np.average(radiance(ready)[low, 0], weights=faces["weight"][low])
+        assert mean == pytest.approx(0.19982, rel=0.02)
+
+
+# Pictures -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("albedo", [0.5, 0.8])
+def test_furnace(albedo: float, gpu: GpuContext) -> None:
+    """The same closed box in a picture: 1 everywhere."""
+    made = scenes.scene(
+        (scenes.box(inside_out=True), scenes.glowing(albedo, 1.0 - albedo)),
+        camera=scenes.camera((0.3, -0.2, 0.4), (1.0, 1.0, -1.0), angle=1.6),
+    )
+    with pipeline(gpu, made, scenes.settings(24, bounces=64, rays=8), (24, 24), samples=2) as ready:
+        picture = ready.film.read("combined")
+        assert picture[..., :3].mean() == pytest.approx(1.0, abs=0.01)
+        assert np.abs(picture[..., :3] - 1.0).max() < 0.05
+        np.testing.assert_allclose(picture[..., 3], 1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.3, 0.6, 1.0])
+def test_white_metal_under_a_white_sky(roughness: float, gpu: GpuContext) -> None:
+    """A metal that absorbs nothing, its lobe's lost light put back, is as bright as the sky: within 3 %, seen from
+    60 degrees and from above."""
+    metal = scenes.principled(1.0, Metallic=1.0, Roughness=roughness)
+    for position in ((0.0, -1.0, 0.577), (0.0, -0.1, 1.0)):
+        made = scenes.scene(
+            (scenes.plane(2.0), metal), world=scenes.world(1.0), camera=scenes.camera(position, width=0.3, near=-5.0)
+        )
+        with pipeline(gpu, made, scenes.settings(8), (16, 16), samples=16) as ready:
+            assert ready.film.read("combined")[..., :3].mean() == pytest.approx(1.0, abs=0.03)
+
+
+def test_white_principled_under_a_white_sky(gpu: GpuContext) -> None:
+    """Diffuse below, dielectric above, nothing absorbed."""
+    made = scenes.scene(
+        (scenes.plane(2.0), scenes.principled(1.0, Roughness=0.4, IOR=1.5)), world=scenes.world(1.0),
+        camera=scenes.camera((0.0, -0.5, 1.0), width=0.3),
+    )
+    with pipeline(gpu, made, scenes.settings(8), (16, 16), samples=16) as ready:
+        assert ready.film.read("combined")[..., :3].mean() == pytest.approx(1.0, abs=0.03)
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.8])
+def test_glossy_reflection_of_a_sun(roughness: float, gpu: GpuContext) -> None:
+    """Sampled from the light: E f(n, v, l) cos, f in float64 (Walter 2007, Heitz 2014), mirror direction."""
+    alpha = roughness**2
+    sun = scenes.light(LightKind.SUN, np.pi, direction=(0.0, 0.5, -np.sqrt(0.75)))
+    metal = scenes.principled(1.0, Metallic=1.0, Roughness=roughness)
+    made = scenes.scene(
+        (scenes.plane(2.0), metal), lights=[sun], camera=scenes.camera((0.0, 1.0, np.sqrt(3.0)), width=0.2)
+    )
+    cosine = np.sqrt(0.75)
+    tan2 = 1 / cosine**2 - 1
+    smith = 1 / (1 + 2 * 0.5 * (np.sqrt(1 + alpha**2 * tan2) - 1))
+    expected = np.pi * (1 / (np.pi * alpha**2)) * smith / (4 * cosine)
+    with pipeline(gpu, made, scenes.settings(8), (8, 8), samples=2, outputs=("glossy_direct",)) as ready:
+        found = ready.film.read("glossy_direct").mean()
+        # What one scattering loses, the others bring back, as a factor on the lobe.
+        assert found == pytest.approx(expected / sum(specular_scale_bias(cosine, roughness)), rel=0.02)
+
+
+def test_no_surface_shows_the_world_exactly(gpu: GpuContext) -> None:
+    """Nothing at all; one point; an object without triangles; one triangle without area."""
+    empty = scenes.mesh(np.zeros((0, 3)), np.zeros((0, 3)))
+    point = scenes.mesh([[0.1, 0.2, 0.3]], np.zeros((0, 3)))
+    flat = scenes.soup(np.zeros((1, 3, 3)))
+    white = scenes.diffuse()
+    for objects in ((), ((empty, white),), ((point, white),), ((flat, white),)):
+        made = scenes.scene(*objects, world=scenes.world((0.25, 0.5, 1.0)))
+        with pipeline(gpu, made, scenes.settings(8), (5, 3), samples=2) as ready:
+            np.testing.assert_array_equal(ready.film.read("combined"), np.broadcast_to([0.25, 0.5, 1.0, 1.0], (3, 5, 4)))
+            assert ready.statistics()["occupied"] == 0
+
+
+def test_camera_inside_geometry_and_odd_sizes(gpu: GpuContext) -> None:
+    """Pictures of 1 x 1 and 300 x 5 pixels (more than one tile), and a camera in the middle of a wall: finite."""
+    made = scenes.scene(
+        (scenes.box(), scenes.diffuse()), world=scenes.world(1.0), camera=scenes.camera((0.0, 0.0, 1.0), (0.0, 1.0, 1.0))
+    )
+    for size in ((1, 1), (300, 5)):
+        with pipeline(gpu, made, scenes.settings(8), size, samples=1) as ready:
+            picture = ready.film.read("combined")
+            assert picture.shape == (size[1], size[0], 4) and np.isfinite(picture).all()
+
+
+def test_samples_converge(gpu: GpuContext) -> None:
+    """Noise falls: the mean of sixteen passes is nearer to that of many than one pass is."""
+    made = scenes.cornell()
+    with pipeline(gpu, made, scenes.settings(24), (24, 24), samples=1) as ready:
+        one = ready.film.read("combined")
+        sample(ready, 15)
+        sixteen = ready.film.read("combined")
+        sample(ready, 48)
+        many = ready.film.read("combined")
+    assert np.square(sixteen - many).mean() < 0.3 * np.square(one - many).mean()
+    assert many[..., :3].mean() > 0.01
