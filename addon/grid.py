@@ -14,9 +14,12 @@ from .settings import Settings
 #: Cells of margin on each side. Not whole: walls of a box that fills the bounds should not lie between two cells.
 MARGIN = 1.37
 
-#: What a cell with surfaces costs, in bytes, at the counts seen in architectural scenes: record and list 24, some
-#: three faces of 72 (struct) + 32 (radiance twice) + 16 (sky) each, and their links.
-BYTES_PER_CELL = 24 + 3 * (96 + 32 + 16)
+#: Bytes of an occupied cell: its record and, with five triangles on average, its list.
+BYTES_PER_CELL = 16 + 5 * 4
+#: Faces of an occupied cell, as counted in architectural scenes, and what each takes: place, reflectance, irradiance,
+#: radiance twice and sky. Links come on top.
+FACES_PER_CELL = 4.5
+BYTES_PER_FACE = 16 + 8 + 16 + 2 * 16 + 16
 
 
 @dataclass(frozen=True)
@@ -100,7 +103,7 @@ def estimate_memory(resolution: int, extent: tuple[float, float, float], area: f
     sides = [max(1.0, side / cell) for side in extent]
     cells = min(1.5 * area / cell**2, sides[0] * sides[1] * sides[2])
     bricks = sides[0] * sides[1] * sides[2] / BRICK**3
-    return int(cells * (BYTES_PER_CELL + 3 * 4 * link_count) + bricks * 13)
+    return int(cells * (BYTES_PER_CELL + FACES_PER_CELL * (BYTES_PER_FACE + 4 * link_count)) + bricks * 16)
 
 
 def choose_resolution(scene: SceneData, settings: Settings) -> int:

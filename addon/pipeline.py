@@ -55,6 +55,8 @@ class _Memo:
     def stale(self, step: str, *inputs: Any) -> bool:
         old = self._keys.get(step)
         same = old is not None and len(old) == len(inputs) and all(_same(a, b) for a, b in zip(old, inputs, strict=True))
+        if not same:
+            self._keys.pop(step, None)  # it is about to be redone, and may be interrupted
         return not same
 
     def done(self, step: str, *inputs: Any) -> None:
@@ -170,6 +172,7 @@ class Pipeline:
             yield from self._light_voxels(features)
         else:
             self._links.release()
+            self._inject.release()
             self._bounce.release()
             memo.forget("links", "radiance")
         if not features.needs_cones:
@@ -200,14 +203,12 @@ class Pipeline:
             memo.done("links", settings.bounce_rays, settings.seed)
         light = (settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.bounces)
         if memo.stale("radiance", *light):
-            self._bounce.allocate(voxels)
-            for share in self._inject.run(
-                voxels, self._lights, self._bounce.direct, self._bounce.radiance[0], settings
-            ):
+            for share in self._inject.run(voxels, self._lights, settings):
                 yield Progress(0.8 + 0.1 * share, "Lighting voxels")
-            if features.bounces:
-                for share in self._bounce.run(voxels, self._links, settings):
-                    yield Progress(0.9 + 0.1 * share, "Bouncing light")
+            assert self._inject.irradiance is not None
+            links = self._links if features.bounces else None
+            for share in self._bounce.run(voxels, self._inject.irradiance, links, settings):
+                yield Progress(0.9 + 0.1 * share, "Bouncing light")
             memo.done("radiance", *light)
             self._radiance_version += 1
 
@@ -272,7 +273,7 @@ class Pipeline:
     def release(self) -> None:
         """Free every GL object."""
         for part in (
-            self._surface, self._direct, self._gather, self._cones, self._bounce, self._links, self._lights, self._world,
+            self._surface, self._direct, self._gather, self._cones, self._bounce, self._inject, self._links, self._lights, self._world,
             self._voxelize, self._geometry, self._materials, self.film,
         ):
             part.release()

@@ -42,7 +42,7 @@ class Kernel:
     def set(self, **values: Any) -> Kernel:
         """Set uniforms. One that the compiler dropped is ignored; one that the source never had raises KeyError."""
         for name, value in values.items():
-            member = self.shader.get(name, None)
+            member: Any = self.shader.get(name, None)
             if member is not None:
                 member.value = value
             elif name not in self.source.text:
@@ -248,7 +248,7 @@ class GpuContext:
             if entry is None:
                 continue
             name, _, size = entry
-            self.memory[name] -= size
+            self.memory[name] = self.memory.get(name, 0) - size  # things without size leave no entry
             if self.memory[name] <= 0:
                 del self.memory[name]
             thing.release()

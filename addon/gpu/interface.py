@@ -53,7 +53,7 @@ TEXTURES = (
     "TEX_TRIANGLES",  # rgba32ui 2D, three texels a triangle: corner 0, edge 1, edge 2 in grid space; w: packed integers
     "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, index of the first cell, bricks to the nearest other
     "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
-    "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, face mask
+    "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings and their sites
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
     "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells
     "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them
@@ -73,7 +73,7 @@ TEXTURE_ALIASES = {
     "TEX_FACE_PLACE": "TEX_POSITION",  # rgba32ui list: position (grid space), normal (octahedral)
     "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16f list: reflectance, weight
     "TEX_FACE_EMISSION": "TEX_DIFFUSE",  # rgba32f list: W/(m2 sr)
-    "TEX_FACE_DIRECT": "TEX_F0",  # rgba32f list: emission and what lights send off the face, W/(m2 sr)
+    "TEX_FACE_IRRADIANCE": "TEX_F0",  # rgba32f list: of sites, from lights, over pi
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
     # Materials, where no ray is traced.

@@ -29,7 +29,7 @@ class Loader:
         address = self._lookup(name)
         if not address:
             raise RuntimeError(f"the graphics driver has no {name}")
-        prototype = ctypes.WINFUNCTYPE if sys.platform.startswith("win") else ctypes.CFUNCTYPE
+        prototype = getattr(ctypes, "WINFUNCTYPE", ctypes.CFUNCTYPE)  # WINFUNCTYPE exists on Windows alone
         return prototype(result, *arguments)(address)
 
     def release(self) -> None:
@@ -49,9 +49,9 @@ def _address(library: ctypes.CDLL, name: str) -> int:
 
 
 @functools.cache
-def _linux_loaders() -> list[tuple[Callable[[], int], Loader]]:
+def _linux_loaders() -> list[tuple[Callable[[], int | None], Loader]]:
     """For EGL and GLX: how to ask whether a context is current, and the loader to use when it is."""
-    found: list[tuple[Callable[[], int], Loader]] = []
+    found: list[tuple[Callable[[], int | None], Loader]] = []
     for names, current, procedure in (
         (("libEGL.so.1", "libEGL.so"), "eglGetCurrentContext", "eglGetProcAddress"),
         (("libGL.so.1", "libGL.so"), "glXGetCurrentContext", "glXGetProcAddressARB"),
@@ -71,7 +71,7 @@ def _linux_loaders() -> list[tuple[Callable[[], int], Loader]]:
         def lookup(name: str, get_address: Callable = get_address, core: ctypes.CDLL | None = core) -> int:
             return get_address(name.encode()) or (_address(core, name) if core else 0)
 
-        found.append((lambda get_current=get_current: get_current() or 0, Loader(lookup)))
+        found.append((get_current, Loader(lookup)))
     return found
 
 
@@ -225,7 +225,7 @@ def debug_messages(loader: Loader) -> list[str]:
     get_log = loader.function(
         "glGetDebugMessageLog", u, u, ctypes.c_int, *([ctypes.c_void_p] * 5), ctypes.c_char_p
     )
-    found = []
+    found: list[str] = []
     while True:
         waiting = (ctypes.c_int * 4)()
         get_integer(0x9145, waiting)  # GL_DEBUG_LOGGED_MESSAGES
@@ -239,7 +239,16 @@ def debug_messages(loader: Loader) -> list[str]:
 
 
 def enable_debug_messages(loader: Loader) -> None:
-    """Let the driver log its messages (GL_DEBUG_OUTPUT, synchronous)."""
+    """Let the driver log its messages (GL_DEBUG_OUTPUT, synchronous), and only errors and undefined behaviour.
+
+    The log is short (Mesa: 10 messages) and drops what comes when it is full: nothing else may fill it.
+    """
+    u = ctypes.c_uint
+    control = loader.function("glDebugMessageControl", None, u, u, u, ctypes.c_int, ctypes.c_void_p, ctypes.c_ubyte)
+    any_source = any_severity = 0x1100  # GL_DONT_CARE
+    control(any_source, 0x1100, any_severity, 0, None, 0)
+    for kind in (0x824C, 0x824E):  # GL_DEBUG_TYPE_ERROR, GL_DEBUG_TYPE_UNDEFINED_BEHAVIOR
+        control(any_source, kind, any_severity, 0, None, 1)
     enable = loader.function("glEnable", None, ctypes.c_uint)
     enable(0x92E0)
     enable(0x8242)

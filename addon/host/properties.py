@@ -20,7 +20,7 @@ _BLENDER_UNITS = {
 #: A preview is a sphere a few hundred pixels wide that must be there at once.
 _PREVIEW = {
     "samples": 8, "rays": 2, "bounces": 2, "bounce_rays": 4, "voxel_auto": False, "voxel_resolution": 48,
-    "time_limit": 5.0, "debug_checks": False,
+    "time_limit": 5.0,
 }
 
 

@@ -183,7 +183,7 @@ def _emit_material(closure: Closure) -> tuple[MaterialFamily, Emitter, FloatArra
         ("transparency", closure.transparency, VEC3, "1.0"),
     ]
     results = []
-    for name, expr, type, highest in fields:  # noqa: A001
+    for name, expr, type, highest in fields:
         expr = unless_zero(expr)
         text = emitter.write_as(expr, type)
         results.append(f"s.{name} = {text};" if expr.kind == "literal" else f"s.{name} = valid({text}, {highest});")

@@ -81,7 +81,7 @@ class Emitter:
             self._names[id(current)] = self._name(current)
         return self._names[id(expr)]
 
-    def write_as(self, expr: Expr, type: str) -> str:  # noqa: A002
+    def write_as(self, expr: Expr, type: str) -> str:
         text = self.write(expr)
         return f"vec3({text})" if type == VEC3 and expr.type == FLOAT else text
 
@@ -106,7 +106,7 @@ class Emitter:
             self._by_key[key] = self._variable(expr.type, text)
         return self._by_key[key]
 
-    def _variable(self, type: str, text: str) -> str:  # noqa: A002
+    def _variable(self, type: str, text: str) -> str:
         name = f"v{len(self.statements)}"
         self.statements.append(f"{type} {name} = {text};")
         return name
@@ -175,7 +175,7 @@ class Emitter:
                 text = self._variable(VEC4, f"mix({text}, {colors[i]}, {step})")
         return text
 
-    def _constant(self, type: str, value: npt.NDArray[np.float64]) -> str:  # noqa: A002
+    def _constant(self, type: str, value: npt.NDArray[np.float64]) -> str:
         self._constants.append((type, value))
         return f"c{len(self._constants) - 1}"
 
@@ -186,7 +186,7 @@ class Emitter:
         places: dict[int, tuple[int, str]] = {}
         order = sorted(range(len(self._constants)), key=lambda i: {VEC4: 0, VEC3: 1, FLOAT: 2}[self._constants[i][0]])
         for i in order:
-            type, value = self._constants[i]  # noqa: A001
+            type, value = self._constants[i]
             if type == FLOAT:
                 if not gaps:
                     rows.append([0.0] * 4)

@@ -151,11 +151,11 @@ def _simplified(kind: str, args: tuple[Expr, ...]) -> Expr | None:
     if kind in ("add", "mul", "sub", "div"):
         a, b = args
         same_type = _widest(args)
-        if kind == "add" and a.is_literal(0.0) or kind == "mul" and a.is_literal(1.0):
+        if (kind == "add" and a.is_literal(0.0)) or (kind == "mul" and a.is_literal(1.0)):
             return widened(b, same_type)
-        if kind in ("add", "sub") and b.is_literal(0.0) or kind in ("mul", "div") and b.is_literal(1.0):
+        if (kind in ("add", "sub") and b.is_literal(0.0)) or (kind in ("mul", "div") and b.is_literal(1.0)):
             return widened(a, same_type)
-        if kind in ("mul", "div") and a.is_literal(0.0) or kind == "mul" and b.is_literal(0.0):
+        if (kind in ("mul", "div") and a.is_literal(0.0)) or (kind == "mul" and b.is_literal(0.0)):
             return widened(literal(0.0), same_type)
     if kind == "select" and args[0].is_known and args[0].type == FLOAT:
         return args[1] if args[0].value != 0.0 else args[2]
@@ -166,7 +166,7 @@ def _simplified(kind: str, args: tuple[Expr, ...]) -> Expr | None:
     return None
 
 
-def widened(expr: Expr, type: str) -> Expr:  # noqa: A002
+def widened(expr: Expr, type: str) -> Expr:
     """``expr`` with three components if ``type`` has them and it has one."""
     return splat(expr) if type == VEC3 and expr.type == FLOAT else expr
 

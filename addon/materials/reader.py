@@ -98,13 +98,13 @@ class GraphReader:
     def default_normal(self) -> Expr:
         return -leaf("direction_ws") if self.is_world else leaf("normal_ws")
 
-    def _input(self, node: Node, identifier: str, type: str, default: float | tuple[float, ...]) -> Expr:  # noqa: A002
+    def _input(self, node: Node, identifier: str, type: str, default: float | tuple[float, ...]) -> Expr:
         key = (node.name, identifier + "/" + type)
         if key not in self._inputs:
             self._inputs[key] = self._read_input(node.inputs.get(identifier), type, default)
         return self._inputs[key]
 
-    def _read_input(self, socket: Socket | None, type: str, default: float | tuple[float, ...]) -> Expr:  # noqa: A002
+    def _read_input(self, socket: Socket | None, type: str, default: float | tuple[float, ...]) -> Expr:
         if socket is None:
             return converted(constant(default), type, is_vector=False)
         if socket.link is not None:
@@ -180,7 +180,7 @@ class GraphReader:
         return closure
 
 
-def converted(expr: Expr, type: str, is_vector: bool) -> Expr:  # noqa: A002
+def converted(expr: Expr, type: str, is_vector: bool) -> Expr:
     """``expr`` as a float or vec3, as Blender converts between sockets."""
     if expr.type == type:
         return expr

@@ -63,50 +63,67 @@ class LinkPass:
 
 
 class BouncePass:
-    """Owns the radiance of all faces: two textures that take turns."""
+    """Owns the radiance of all faces: two textures that take turns, one when there are no bounces."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.radiance: list[Any] = []
-        self.direct: Any = None
         self.bounces = 0
 
-    def allocate(self, voxels: Voxels) -> None:
-        """Make room for the radiance of all faces."""
+    def run(
+        self, voxels: Voxels, irradiance: moderngl.Texture, links: LinkPass | None, settings: Settings
+    ) -> Iterator[float]:
+        """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done.
+
+        ``links`` None: no bounces, only what faces emit and what lights send off them.
+        """
         self.release()
-        self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 4, "f4") for _ in range(2)]
-        self.direct = self.gpu.list_texture("face direct light", voxels.faces.count, 4, "f4")
-
-    def run(self, voxels: Voxels, links: LinkPass, settings: Settings) -> Iterator[float]:
-        """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done."""
-        gpu, slot = self.gpu, interface.slot
-        assert links.links is not None
-        kernel = gpu.kernel("bounce", {"HAS_WORLD": links.sky is not None})
+        textures = 2 if links else 1
+        self.radiance = [
+            self.gpu.list_texture("face radiance", voxels.faces.count, 4, "f4") for _ in range(textures)
+        ]
         self.bounces = 0
+        with self.gpu.timed("bounce"):
+            self._pass(voxels, irradiance, None, self.radiance[0])
         before = None
-        while self.bounces < settings.bounces:
-            with gpu.timed("bounce"):
-                source, target = self.radiance
-                source.use(slot("TEX_FACE_RADIANCE"))
-                voxels.faces.bind()
-                self.direct.use(slot("TEX_FACE_DIRECT"))
-                links.links.use(slot("TEX_LINKS"))
-                target.bind_to_image(slot("IMG_0"), read=False, write=True)
-                if links.sky is not None:
-                    links.sky.use(slot("TEX_WORLD"))
-                kernel.set(face_count=voxels.faces.count, link_count=links.count)
-                kernel.run_list(voxels.faces.count)
-                gpu.barrier()  # the next bounce reads what this one wrote
+        while links and self.bounces < settings.bounces:
+            with self.gpu.timed("bounce"):
+                self._pass(voxels, irradiance, links, self.radiance[1])
                 self.radiance.reverse()
                 self.bounces += 1
                 if self.bounces % CHECK_EVERY == 0 and self.bounces < settings.bounces:
-                    after = float(np.frombuffer(self.radiance[0].read(), np.float32).sum(dtype=np.float64))
+                    values = np.frombuffer(self.radiance[0].read(), np.float32)[: 4 * voxels.faces.count]
+                    after = float(values.sum(dtype=np.float64))  # what follows in the texture's last row is undefined
                     if before is not None and abs(after - before) <= CONVERGED * abs(after):
                         return
                     before = after
             yield self.bounces / settings.bounces
 
+    def _pass(self, voxels: Voxels, irradiance: moderngl.Texture, links: LinkPass | None, target: moderngl.Texture) -> None:
+        gpu, slot = self.gpu, interface.slot
+        kernel = gpu.kernel(
+            "bounce",
+            {
+                "FIRST": links is None,
+                "HAS_EMISSION": voxels.faces.emission is not None,
+                "HAS_WORLD": links is not None and links.sky is not None,
+            },
+        )
+        voxels.bind(kernel)
+        voxels.faces.bind()
+        irradiance.use(slot("TEX_FACE_IRRADIANCE"))
+        kernel.set(cell_count=voxels.cell_count)
+        if links is not None and links.links is not None:
+            self.radiance[0].use(slot("TEX_FACE_RADIANCE"))
+            links.links.use(slot("TEX_LINKS"))
+            if links.sky is not None:
+                links.sky.use(slot("TEX_WORLD"))
+            kernel.set(link_count=links.count, face_count=voxels.faces.count)
+        target.bind_to_image(slot("IMG_0"), read=False, write=True)
+        kernel.run_list(6 * voxels.cell_count)
+        gpu.barrier()  # the next bounce and the gather read what this one wrote
+
     def release(self) -> None:
         """Free everything."""
-        self.gpu.free(*self.radiance, self.direct)
-        self.radiance, self.direct = [], None
+        self.gpu.free(*self.radiance)
+        self.radiance = []

@@ -37,7 +37,7 @@ def _fill(record: np.ndarray, light: LightData, grid: VoxelGrid) -> None:
     radiance = np.asarray(light.intensity, np.float64)
     if light.kind in (LightKind.POINT, LightKind.SPOT):
         record["radius_grid"] = light.radius / grid.cell_size
-        flags |= 0 if light.soft_falloff else interface.LIGHT_IS_SPHERE
+        flags |= interface.LIGHT_IS_SPHERE if light.radius > 0 and not light.soft_falloff else 0
         radiance = radiance / (np.pi * light.radius**2) if light.radius > 0 else radiance * 0.0
         if light.kind == LightKind.SPOT:
             cosine = np.cos(0.5 * light.spot_angle)
@@ -67,14 +67,27 @@ class LightTable:
         self.records: moderngl.Texture | None = None
         self.count = 0
         self.cell_size = 1.0
+        self._kinds: dict[str, object] = {}
 
     def run(self, lights: Sequence[LightData], grid: VoxelGrid) -> None:
         """Upload."""
         self.release()
         self.count = len(lights)
+        round_lights = [light for light in lights if light.kind in (LightKind.POINT, LightKind.SPOT)]
+        self._kinds = {
+            "HAS_POINTS": bool(round_lights),
+            "HAS_SPOTS": any(light.kind == LightKind.SPOT for light in lights),
+            "HAS_SPHERES": any(not light.soft_falloff and light.radius > 0.0 for light in round_lights),
+            "HAS_SUNS": any(light.kind == LightKind.SUN for light in lights),
+            "HAS_AREAS": any(light.kind == LightKind.AREA for light in lights),
+        }
         self.cell_size = grid.cell_size
         texels = light_records(lights, grid).view(np.uint32).reshape(-1, 4)
         self.records = self.gpu.list_texture("lights", len(texels), 4, "u4", texels)
+
+    def defines(self, settings: Settings) -> dict[str, object]:
+        """Kinds of light there are, for lib/light.glsl."""
+        return self._kinds | {"PHYSICAL_FALLOFF": settings.light_falloff == 2.0}
 
     def bind(self, kernel: Kernel, settings: Settings) -> None:
         """Bind what lib/light.glsl reads."""
@@ -89,31 +102,34 @@ class LightTable:
 
 
 class InjectPass:
-    """Writes the direct light of all faces, which is their first radiance too."""
+    """Owns the light that lights send onto the sites of all faces."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
+        self.irradiance: moderngl.Texture | None = None
 
-    def run(
-        self, voxels: Voxels, lights: LightTable, direct: moderngl.Texture, radiance: moderngl.Texture,
-        settings: Settings,
-    ) -> Iterator[float]:
-        """Yields the share done."""
-        kernel = self.gpu.kernel(
-            "inject", voxels.trace_defines | {"HAS_EMISSION": voxels.faces.emission is not None}
-        )
-        threads = 6 * voxels.cell_count  # one for each facing of each cell: see face_of_thread() in the shaders
+    def run(self, voxels: Voxels, lights: LightTable, settings: Settings) -> Iterator[float]:
+        """Trace shadows and sum up irradiance / pi. Yields the share done."""
+        self.release()
+        irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 4, "f4")
+        self.irradiance = irradiance
+        kernel = self.gpu.kernel("inject", voxels.trace_defines | lights.defines(settings))
+        threads = 6 * voxels.cell_count  # one for each facing of each cell: see facing_of_thread() in the shaders
         for first in range(0, threads, THREADS_PER_STEP):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
                 voxels.faces.bind()
                 lights.bind(kernel, settings)
-                radiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
-                direct.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
+                irradiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 kernel.set(
                     thread_first=first, cell_count=voxels.cell_count, random_seed=settings.seed,
                     use_shadows=settings.use_shadows,
-                )
+                )  # fmt: skip
                 kernel.run_list(min(THREADS_PER_STEP, threads - first))
             yield min(1.0, (first + THREADS_PER_STEP) / threads)
-        self.gpu.barrier()  # bounces and the gather read the radiance as a texture
+        self.gpu.barrier()  # bounces read it as a texture
+
+    def release(self) -> None:
+        """Free it."""
+        self.gpu.free(self.irradiance)
+        self.irradiance = None

@@ -95,7 +95,8 @@ class DirectPass:
         self.pictures.allocate(surface.size, diffuse=True, glossy=features.has_glossy)
         shadow_cones = features.shadow_cones
         kernel = self.gpu.kernel(
-            "direct", voxels.trace_defines | {"HAS_GLOSSY": features.has_glossy, "SHADOW_CONES": shadow_cones}
+            "direct",
+            voxels.trace_defines | lights.defines(settings) | {"HAS_GLOSSY": features.has_glossy, "SHADOW_CONES": shadow_cones}
         )
 
         def bind() -> None:
@@ -137,6 +138,7 @@ class GatherPass:
         kernel = self.gpu.kernel(
             "gather",
             voxels.trace_defines
+            | lights.defines(settings)
             | world.defines
             | {
                 "HAS_DIFFUSE": features.has_diffuse_gather,

@@ -101,9 +101,9 @@ class MaterialPass:
         rows = np.concatenate(parts)
         values = self.gpu.list_texture("material values", len(rows), 4, "f4", rows)
         table = self.gpu.buffer("material batches", batch_of_material)
-        textures = [upload_image(self.gpu, image) for image in compiled.images]
-        self._owned = [values, table, *textures]
-        self.set = MaterialSet(compiled, layers, batches, batch_of_material, values, table, textures)
+        images = [upload_image(self.gpu, image) for image in compiled.images]
+        self._owned = [values, table, *images]
+        self.set = MaterialSet(compiled, layers, batches, batch_of_material, values, table, images)
         return self.set
 
     def texts(self, batch: Batch) -> dict[str, str]:

@@ -114,7 +114,8 @@ class SurfacePass:
         if not geometry.meshes:
             return
         program = gpu.program("visibility")
-        program["clip_from_grid"].write(np.ascontiguousarray(camera.raster_matrix(offset).T, np.float32).tobytes())
+        matrix: Any = program["clip_from_grid"]
+        matrix.write(np.ascontiguousarray(camera.raster_matrix(offset).T, np.float32).tobytes())
         for draw in geometry.meshes:
             if draw.vertex_array is None:
                 draw.vertex_array = gpu.adopt("vertex arrays", gpu.mgl.vertex_array(
@@ -140,7 +141,13 @@ class SurfacePass:
         for index, batch in enumerate(materials.batches):
             family = materials.compiled.families[batch.family]
             kernel = gpu.kernel(
-                "surface", material_pass.defines(batch) | {"HAS_OPACITY": family.has_transparency, "FLAT_SHADING": False},
+                "surface",
+                material_pass.defines(batch)
+                | {
+                    "HAS_OPACITY": family.has_transparency,
+                    "IS_LAYERED": materials.has_transparency,
+                    "FLAT_SHADING": False,
+                },
                 material_pass.texts(batch),
             )
             pictures.bind_images()
@@ -199,7 +206,7 @@ class SurfacePass:
         pictures = self.pictures
         assert pictures is not None
         with self.gpu.timed("light shapes"):
-            kernel = self.gpu.kernel("light_shapes")
+            kernel = self.gpu.kernel("light_shapes", lights.defines(settings))
             lights.bind(kernel, settings)
             pictures.position.use(interface.slot("TEX_POSITION"))
             pictures.bind_images()

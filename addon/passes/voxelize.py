@@ -218,7 +218,7 @@ class VoxelizePass:
         gpu, slot = self.gpu, interface.slot
         positions = gpu.buffer("voxel cell positions", packed)
         self._temporary.append(positions)
-        kernel = gpu.kernel("voxel_resolve", {"HAS_EMISSION": materials.has_emission, "HAS_OPACITY": False})
+        kernel = gpu.kernel("voxel_resolve", {"HAS_EMISSION": materials.has_emission})
         voxels.bind(kernel)
         kernel.set(cell_count=len(packed), sum_words=words)
         sums.bind_to_storage_buffer(slot("BUF_SUMS"))
@@ -229,7 +229,12 @@ class VoxelizePass:
         if faces.emission is not None:
             faces.emission.bind_to_image(slot("IMG_2"), read=False, write=True)
         kernel.run_list(3 * len(packed))
-        gpu.barrier()  # injection and links read the faces
+        gpu.barrier()  # sites are found from the faces
+        kernel = gpu.kernel("voxel_sites").set(cell_count=len(packed))
+        faces.bind()
+        voxels.cells.bind_to_image(slot("IMG_0"), read=True, write=True)
+        kernel.run_list(len(packed))
+        gpu.barrier()  # injection and links read faces and sites
 
     def _work(self, geometry: Geometry) -> tuple[int, moderngl.Buffer]:
         """How many work items there are, and the items."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from addon.gpu.context import GpuContext
 from addon.materials.compile import compile_materials
 from addon.materials.expression import constant, leaf, operation
 from addon.materials.graph import AlphaMode, ImageData, ImageEncoding, ImageSet, MaterialData
@@ -23,14 +24,9 @@ moderngl = pytest.importorskip("moderngl")
 POINTS = np.array([-7.5, -2.0, -1.0, -0.4, 0.0, 0.25, 0.5, 0.7, 1.0, 1.5, 2.0, 3.3], dtype=np.float32)
 
 
-@pytest.fixture(scope="module")
-def context() -> Iterator[Any]:
-    try:
-        ctx = moderngl.create_context(standalone=True, backend="egl", require=430)
-    except Exception as error:  # noqa: BLE001  what it raises differs from one system to another
-        pytest.skip(f"no GL 4.3 context: {error}")
-    yield ctx
-    ctx.release()
+@pytest.fixture
+def context(gpu: GpuContext) -> Any:
+    return gpu.mgl
 
 
 def evaluate(ctx: Any, data: MaterialData, textures: dict[int, Any] | None = None) -> dict[str, np.ndarray]:

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Lights: points on them, what arrives from there, and what a ray sees of them. Units and shapes are Blender's.
 //
-// The including program sets cell_size (metres) and light_falloff (exponent k of 1 / distance^k; 2 is physical).
+// The including program sets cell_size (metres) and light_falloff (exponent k of 1 / distance^k; 2 is physical), and
+// defines which kinds of light there are: HAS_POINTS (and spots), HAS_SPOTS, HAS_SPHERES (points and spots that are true
+// spheres), HAS_SUNS, HAS_AREAS, and whether falloff is physical: PHYSICAL_FALLOFF.
 
 #include "lib/sampling.glsl"
 
@@ -41,78 +43,100 @@ float spread_attenuation(Light light, float cosine)
 // 1 / distance^k over 1 / distance^2: what a falloff that is not physical changes.
 float falloff_factor(float distance_m)
 {
-    return light_falloff == 2.0 ? 1.0 : pow(max(distance_m, 1e-6), 2.0 - light_falloff);
+#if PHYSICAL_FALLOFF
+    return 1.0;
+#else
+    return pow(max(distance_m, 1e-6), 2.0 - light_falloff);
+#endif
 }
+
+#if HAS_SUNS
+// Uniform over the projected disk: L pi sin^2(half angle) = E, whatever the angle.
+LightSample sample_sun(Light light, vec2 u)
+{
+    vec2 offset = sample_disk(u) * sqrt(max(0.0, 1.0 - light.cos_cone * light.cos_cone));
+    float along = sqrt(max(1e-6, 1.0 - dot(offset, offset)));
+    vec3 direction = light.axis_x * offset.x + light.axis_y * offset.y + light.axis_z * along;
+    return LightSample(direction, 1e30, light.intensity / along);
+}
+#endif
+
+#if HAS_AREAS
+LightSample sample_area(Light light, vec3 position, vec2 u)
+{
+    bool ellipse = (light.flags & LIGHT_IS_ELLIPSE) != 0u;
+    vec2 p = ellipse ? sample_disk(u) : 2.0 * u - 1.0;
+    vec3 to_light = light.position_grid + light.axis_x * (p.x * light.half_width_grid) +
+                    light.axis_y * (p.y * light.half_height_grid) - position;
+    float squared = max(dot(to_light, to_light), 1e-12);
+    float distance = sqrt(squared);
+    vec3 direction = to_light / distance;
+    float cosine = dot(direction, light.axis_z);
+    float area = 4.0 * light.half_width_grid * light.half_height_grid * (ellipse ? 0.25 * PI : 1.0);
+    float factor = cosine > 0.0 ? cosine * area / squared * spread_attenuation(light, cosine) : 0.0;
+    return LightSample(direction, distance, light.intensity * (factor * falloff_factor(distance * cell_size)));
+}
+#endif
+
+#if HAS_POINTS
+LightSample sample_point(Light light, vec3 position, vec2 u)
+{
+    vec3 axis = light.position_grid - position;
+    float squared = max(dot(axis, axis), 1e-12);
+    vec3 z = axis * inversesqrt(squared);
+    vec3 t, b;
+    basis(z, t, b);
+    // A disk that faces the receiver; a point when its radius is 0.
+    vec2 p = sample_disk(u) * light.radius_grid;
+    vec3 to_light = axis + t * p.x + b * p.y;
+    float to_squared = max(dot(to_light, to_light), 1e-12);
+    float distance = sqrt(to_squared);
+    vec3 direction = to_light / distance;
+    float factor = dot(z, direction) / (to_squared * cell_size * cell_size);
+#if HAS_SPHERES
+    float radius2 = light.radius_grid * light.radius_grid;
+    if ((light.flags & LIGHT_IS_SPHERE) != 0u && squared > radius2) {
+        // The visible cap of a true sphere, uniform in solid angle. L = I / (pi r^2).
+        float sin2 = radius2 / squared;
+        float versine = sin2 / (1.0 + sqrt(1.0 - sin2));  // 1 - cos, without cancellation for small spheres
+        float cos_theta = 1.0 - u.x * versine;
+        float sin_theta = sqrt(max(0.0, 1.0 - cos_theta * cos_theta));
+        float phi = 2.0 * PI * u.y;
+        direction = normalize(t * (sin_theta * cos(phi)) + b * (sin_theta * sin(phi)) + z * cos_theta);
+        float along = dot(axis, direction);
+        distance = along - sqrt(max(0.0, along * along - squared + radius2));
+        float radius_m = max(light.radius_grid * cell_size, 1e-9);
+        factor = 2.0 * versine / (radius_m * radius_m);
+    }
+#endif
+#if HAS_SPOTS
+    if (light.kind == LIGHT_SPOT) {
+        factor *= spot_attenuation(light, -direction);
+    }
+#endif
+    return LightSample(direction, distance, light.intensity * (factor * falloff_factor(distance * cell_size)));
+}
+#endif
 
 // A point on the light, chosen by u, seen from position (grid space).
 LightSample sample_light(Light light, vec3 position, vec2 u)
 {
-    LightSample result;
+    LightSample result = LightSample(vec3(0.0, 0.0, 1.0), 0.0, vec3(0.0));
+#if HAS_SUNS
     if (light.kind == LIGHT_SUN) {
-        // Uniform over the projected disk: L pi sin^2(half angle) = E, whatever the angle.
-        vec2 offset = sample_disk(u) * sqrt(max(0.0, 1.0 - light.cos_cone * light.cos_cone));
-        float along = sqrt(max(1e-6, 1.0 - dot(offset, offset)));
-        result.direction = light.axis_x * offset.x + light.axis_y * offset.y + light.axis_z * along;
-        result.distance = 1e30;
-        result.irradiance = light.intensity / along;
-        return result;
+        result = sample_sun(light, u);
     }
-    vec3 target = light.position_grid;
+#endif
+#if HAS_AREAS
     if (light.kind == LIGHT_AREA) {
-        vec2 p = (light.flags & LIGHT_IS_ELLIPSE) != 0u ? sample_disk(u) : 2.0 * u - 1.0;
-        target += light.axis_x * (p.x * light.half_width_grid) + light.axis_y * (p.y * light.half_height_grid);
-        vec3 to_light = target - position;
-        float squared = max(dot(to_light, to_light), 1e-12);
-        result.distance = sqrt(squared);
-        result.direction = to_light / result.distance;
-        float cosine = dot(result.direction, light.axis_z);
-        float area = 4.0 * light.half_width_grid * light.half_height_grid;
-        area *= (light.flags & LIGHT_IS_ELLIPSE) != 0u ? 0.25 * PI : 1.0;
-        result.irradiance = cosine > 0.0
-            ? light.intensity * (cosine * area / squared * spread_attenuation(light, cosine)) : vec3(0.0);
-        result.irradiance *= falloff_factor(result.distance * cell_size);
-        return result;
+        result = sample_area(light, position, u);
     }
-    vec3 axis = target - position;
-    float squared = max(dot(axis, axis), 1e-12);
-    float cosine = 1.0;
-    float squared_m = squared * cell_size * cell_size;
-    result.irradiance = light.intensity / squared_m;
-    if ((light.flags & LIGHT_IS_SPHERE) != 0u && squared > light.radius_grid * light.radius_grid) {
-        // The visible cap of a true sphere, uniform in solid angle. L = I / (pi r^2).
-        vec3 z = axis * inversesqrt(squared);
-        float sin2 = light.radius_grid * light.radius_grid / squared;
-        // 1 - cos, without cancellation for small spheres.
-        float versine = sin2 / (1.0 + sqrt(1.0 - sin2));
-        float cos_theta = 1.0 - u.x * versine;
-        float sin_theta = sqrt(max(0.0, 1.0 - cos_theta * cos_theta));
-        vec3 t, b;
-        basis(z, t, b);
-        float phi = 2.0 * PI * u.y;
-        result.direction = normalize(t * (sin_theta * cos(phi)) + b * (sin_theta * sin(phi)) + z * cos_theta);
-        float along = dot(axis, result.direction);
-        result.distance = along - sqrt(max(0.0, along * along - squared + light.radius_grid * light.radius_grid));
-        float radius_m = max(light.radius_grid * cell_size, 1e-9);
-        result.irradiance = light.intensity * (2.0 * versine / (radius_m * radius_m));
-    } else if (light.radius_grid > 0.0) {
-        // A disk that faces the receiver.
-        vec3 z = axis * inversesqrt(squared);
-        vec3 t, b;
-        basis(z, t, b);
-        vec2 p = sample_disk(u) * light.radius_grid;
-        vec3 to_light = axis + t * p.x + b * p.y;
-        float to_squared = dot(to_light, to_light);
-        result.distance = sqrt(to_squared);
-        result.direction = to_light / result.distance;
-        result.irradiance = light.intensity * (dot(z, result.direction) / (to_squared * cell_size * cell_size));
-    } else {
-        result.distance = sqrt(squared);
-        result.direction = axis / result.distance;
+#endif
+#if HAS_POINTS
+    if (light.kind == LIGHT_POINT || light.kind == LIGHT_SPOT) {
+        result = sample_point(light, position, u);
     }
-    if (light.kind == LIGHT_SPOT) {
-        result.irradiance *= spot_attenuation(light, -result.direction);
-    }
-    result.irradiance *= falloff_factor(result.distance * cell_size);
+#endif
     return result;
 }
 

@@ -144,6 +144,18 @@ vec3 overlap(vec3 a, vec3 b, vec3 c)
     return sums;
 }
 
+// Whether an edge of the triangle, seen along an axis, has the unit square on its outer side.
+bool is_beside(vec2 a, vec2 b, vec2 c)
+{
+    vec2 n = vec2(a.y - b.y, b.x - a.x);
+    n *= dot(n, c - a) < 0.0 ? -1.0 : 1.0;
+    return dot(n, step(vec2(0.0), n) - a) < -1e-4 * (abs(n.x) + abs(n.y));
+}
+bool is_apart(vec2 a, vec2 b, vec2 c)
+{
+    return is_beside(a, b, c) || is_beside(b, c, a) || is_beside(c, a, b);
+}
+
 // Visit the cells of work item `item` of a triangle.
 void visit_cells(uint triangle_index, uint item)
 {
@@ -174,13 +186,19 @@ void visit_cells(uint triangle_index, uint item)
             vec3 base = vec3(vec2(column), float(z));
             vec3 sums = overlap(a - base, b - base, c - base);
             float area = abs(sums.x);
-            if (area > 0.0) {
-                vec2 centre = clamp(sums.yz / sums.x, 0.0, 1.0);
-                vec3 at = vec3(centre + base.xy, 0.0);
-                at.z = clamp(a.z + dot(slope, at.xy - a.xy), base.z, base.z + 1.0);
-                visit_cell(triangle_index, t, turn_back(ivec3(column, z), axis), area * area_scale,
-                           turn_back(at, axis), normal);
+            if (area == 0.0) {
+                continue;
             }
+            vec3 u = a - base, v = b - base, w = c - base;
+            // Where an outline passes a cell at a distance, its segments cancel but for their rounding.
+            if (area < 1e-4 && (is_apart(u.xy, v.xy, w.xy) || is_apart(u.yz, v.yz, w.yz) || is_apart(u.zx, v.zx, w.zx))) {
+                continue;
+            }
+            vec2 centre = clamp(sums.yz / sums.x, 0.0, 1.0);
+            vec3 at = vec3(centre + base.xy, 0.0);
+            at.z = clamp(a.z + dot(slope, at.xy - a.xy), base.z, base.z + 1.0);
+            visit_cell(triangle_index, t, turn_back(ivec3(column, z), axis), area * area_scale,
+                       turn_back(at, axis), normal);
         }
     }
 }

@@ -17,7 +17,7 @@ layout(binding = TEX_CELL_OPACITIES) uniform sampler2D cell_opacities_tex;
 struct Hit {
     float distance;   // cells; the ray's limit when nothing was hit
     uint triangle;    // NONE_INDEX: nothing was hit
-    ivec3 cell;       // where it was found
+    ivec3 cell;       // where it lies
     vec3 normal;      // unit, geometric, turned against the ray
 };
 
@@ -55,12 +55,10 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
     bool inside = true;
     while (inside) {
         bool occupied = false;
-        ivec3 found = cell;
         uvec4 brick = uvec4(0u);
         uint bit = 0u;
         float t_exit = t;
         while (inside && !occupied) {
-            found = cell;
             ivec3 at_brick = cell / BRICK;
             brick = texelFetch(bricks_tex, at_brick, 0);
             int empty = int(brick.w);
@@ -114,7 +112,6 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
             if (met) {
                 hit.distance = w;
                 hit.triangle = index;
-                hit.cell = found;
                 best_cross = cross(e1, e2);
                 next = any_hit ? end : next;
             }
@@ -124,7 +121,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
     if (hit.triangle != NONE_INDEX) {
         vec3 n = normalize(best_cross);
         hit.normal = dot(n, direction) > 0.0 ? -n : n;
-        hit.cell = clamp(ivec3(floor(origin + direction * hit.distance)), hit.cell - 1, hit.cell + 1);
+        hit.cell = clamp(ivec3(floor(origin + direction * hit.distance)), ivec3(0), grid_size - 1);
     }
     return hit;
 }

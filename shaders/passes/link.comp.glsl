@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Which faces does each voxel face see? Cosine-distributed rays, exact against the geometry, end at other faces: these
+// Which faces does each site (a surface point that one or more voxel faces stand for) see? Cosine-distributed rays, exact against the geometry, end at other faces: these
 // are its links, a Monte Carlo estimate of form factors. They depend on geometry alone, so bounces and changes of light
 // trace nothing. Rays that leave the scene bring the world's light, averaged here.
 // Input: faces, triangles of cells.    Output: link_img (link_count numbers of faces for each face), sky_img: W/(m2 sr), mean over all rays.
@@ -27,10 +27,13 @@ uniform uint random_seed;
 
 void main()
 {
-    uint index = face_of_thread(cells_tex, thread_first + invocation_index(), cell_count);
-    if (index == NONE_INDEX) {
+    uint thread = thread_first + invocation_index();
+    uint facing = facing_of_thread(thread, cell_count);
+    uvec4 record = texelFetch(cells_tex, list_texel(cell_of_thread(thread, cell_count)), 0);
+    if (!has_facing(record, facing) || site_facing(record, facing) != facing) {
         return;
     }
+    uint index = face_index(record, facing);
     vec3 position, normal;
     fetch_face_place(index, position, normal);
     vec3 origin = position + normal * RAY_START;

@@ -2,6 +2,7 @@
 // What is seen at each pixel of one batch of materials: where, which way it faces, what it reflects and emits.
 // Partly transparent surfaces are there for their share of the passes; in the others the pixel is marked, and pass
 // `advance` looks behind.
+// IS_LAYERED: some material of the scene is partly transparent.    HAS_OPACITY: one of this batch is.
 // Input: pixel list, seen_img, triangles, materials.    Output: the surface pictures.
 
 #include "lib/geometry.glsl"
@@ -55,7 +56,9 @@ void main()
         imageStore(position_img, pixel, vec4(position, 1.0));
         return;
     }
-    imageStore(seen_img, pixel, uvec4(triangle_index + 1u));
+#endif
+#if IS_LAYERED
+    imageStore(seen_img, pixel, uvec4(triangle_index + 1u));  // no longer marked
 #endif
     float inverse = 1.0 / max(opacity, 1e-3);
     imageStore(position_img, pixel, vec4(position, 1.0));

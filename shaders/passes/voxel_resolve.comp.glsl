@@ -2,11 +2,14 @@
 // From sums to faces: means, and the point of the surface that each face stands for.
 // Input: sums, cells with their positions, triangles.    Output: place_img, reflectance_img, emission_img of the faces.
 
-#include "lib/trace.glsl"
+#include "lib/grid.glsl"
+#include "lib/triangle.glsl"
 #include "lib/face.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
+layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
+layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
 layout(std430, binding = BUF_SUMS) readonly buffer Sums { uint sums[]; };
 layout(std430, binding = BUF_WORK) readonly buffer CellPositions { uint cell_positions[]; };  // x | y << 11 | z << 22
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
@@ -48,13 +51,27 @@ Face mean_face(uint face, uint facing, vec3 corner)
     return result;
 }
 
-// The mean of curved or layered surfaces lies inside them: look back at it from half a cell in front.
-void find_surface(inout Face face)
+// The mean of curved or layered surfaces lies inside them: take the outermost surface of the cell in front of it or
+// behind it.
+void find_surface(inout Face face, uvec4 record, vec3 corner)
 {
-    Hit hit = trace(face.position + 0.5 * face.normal, -face.normal, 1.0, RAY_ALL, false, 0u);
-    if (hit.triangle != NONE_INDEX) {
-        face.position += (0.5 - hit.distance) * face.normal;
-        face.normal = hit.normal;
+    vec3 outward = face.normal;
+    vec3 origin = face.position;
+    float height = -2.0;
+    for (uint k = record.x; k < record.x + record.y; ++k) {
+        Triangle t = fetch_triangle(texelFetch(cell_triangles_tex, list_texel(k), 0).r);
+        vec2 barycentric;
+        float distance;
+        bool crosses = intersect_plane(t, origin, outward, barycentric, distance);
+        vec3 at = origin + outward * distance - corner;
+        bool inside = min(barycentric.x, barycentric.y) >= 0.0 && barycentric.x + barycentric.y <= 1.0 &&
+                      all(greaterThan(at, vec3(-1e-3))) && all(lessThan(at, vec3(1.001)));
+        if (crosses && inside && distance > height) {
+            height = distance;
+            vec3 n = normalize(cross(t.edge_1, t.edge_2));
+            face.normal = dot(n, outward) < 0.0 ? -n : n;
+            face.position = origin + outward * distance;
+        }
     }
 }
 
@@ -95,10 +112,10 @@ void main()
     bool has_back = back.reflectance.a > 0.0;
     // The side that nothing was made for is the back of a sheet: the same surface, turned over.
     if (has_front || !has_back) {
-        find_surface(front);
+        find_surface(front, record, corner);
     }
     if (has_back) {
-        find_surface(back);
+        find_surface(back, record, corner);
     }
     store(first, has_front || !has_back ? front : turned_over(back));
     store(first + 1u, has_back ? back : turned_over(front));

@@ -46,7 +46,7 @@ class ImageReader:
         if key not in self._sets:
             try:
                 self._sets[key] = self._read(image)
-            except Exception as error:  # noqa: BLE001  whatever is wrong with one image, the others are rendered
+            except Exception as error:
                 problem = f"could not read image '{image.name}' ({type(error).__name__}: {error}); it is magenta"
                 self._sets[key] = ImageSet(image.name, {}, problem=problem)
         return self._sets[key]

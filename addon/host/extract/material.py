@@ -35,7 +35,7 @@ def extract_material(material: bpy.types.Material | None, images: ImageReader, w
     name = material.name
     try:
         return _material(material, images, warnings)
-    except Exception as error:  # noqa: BLE001  one broken material must not stop the picture
+    except Exception as error:
         warnings.append(f"material '{name}' could not be read and is grey ({type(error).__name__}: {error})")
         return MaterialData(name, None, uid=material.session_uid)
 
@@ -48,7 +48,7 @@ def extract_world(world: bpy.types.World | None, images: ImageReader, warnings: 
         color = _rgb(world.color)
         tree = _tree(world)
         return WorldData(world.name, None if tree is None else _graph(tree, images), color)
-    except Exception as error:  # noqa: BLE001
+    except Exception as error:
         warnings.append(f"world '{world.name}' could not be read and is black ({type(error).__name__}: {error})")
         return WorldData(world.name, None)
 
@@ -59,7 +59,7 @@ def _material(material: bpy.types.Material, images: ImageReader, warnings: list[
     if material.grease_pencil is None and tree is not None:
         try:
             graph = _graph(tree, images)
-        except Exception as error:  # noqa: BLE001
+        except Exception as error:
             problem = f"its nodes could not be read and its viewport colour is used ({type(error).__name__}: {error})"
             warnings.append(f"material '{material.name}': {problem}")
     return MaterialData(

@@ -44,7 +44,7 @@ def extract_mesh(mesh: bpy.types.Mesh, slot_count: int) -> ExtractedMesh:
     bad_triangles = 0
     if not good_vertex.all():
         # A good place for the bad vertices, lest they spoil the bounds.
-        positions[~good_vertex] = positions[good_vertex.argmax()] if good_vertex.any() else 0.0
+        positions[~good_vertex] = positions[int(np.argmax(good_vertex))] if good_vertex.any() else 0.0
         good = good_vertex[triangle_vertices].all(axis=1)
         bad_triangles = len(good) - int(good.sum())
         triangle_corners, triangle_vertices, slots = triangle_corners[good], triangle_vertices[good], slots[good]

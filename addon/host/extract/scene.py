@@ -48,7 +48,7 @@ def extract_scene(
 
 def _converters(
     warnings: list[str],
-) -> tuple[Callable[[bpy.types.Material], MaterialData], Callable[[bpy.types.World], WorldData]]:
+) -> tuple[Callable[[bpy.types.Material], MaterialData], Callable[[bpy.types.World], WorldData | None]]:
     """What turns materials and worlds into data; both share the images they load."""
     from .image import ImageReader
     from .material import extract_material, extract_world

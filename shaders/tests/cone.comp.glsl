@@ -1,0 +1,28 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// trace_cone() of lib/cone.glsl for a list of (origin, limit), (direction, tan of half the angle), (normal, 0).
+// FETCH: texels (x, y, z, level) of the volume instead.    Output: (radiance, transmittance) or the texel.
+
+#include "lib/cone.glsl"
+
+layout(local_size_x = GROUP_SIZE) in;
+
+layout(std430, binding = BUF_WORK) readonly buffer Inputs { vec4 inputs[]; };
+layout(std430, binding = BUF_SUMS) writeonly buffer Results { vec4 results[]; };
+
+uniform uint count;
+
+void main()
+{
+    uint index = invocation_index();
+    if (index >= count) {
+        return;
+    }
+#if FETCH
+    vec4 at = inputs[index];
+    results[index] = texelFetch(cones_tex, ivec3(at.xyz), int(at.w));
+#else
+    vec4 a = inputs[3u * index];
+    vec4 b = inputs[3u * index + 1u];
+    results[index] = trace_cone(Cone(a.xyz, b.xyz, inputs[3u * index + 2u].xyz, b.w, a.w));
+#endif
+}

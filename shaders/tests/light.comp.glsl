@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Light 0 of lib/light.glsl seen from a list of (position in cells, 0), (direction, 0), (u, 0, 0).
+// Output: (sampled direction, distance in cells), (irradiance, half angle), (radiance along the given direction, distance).
+
+#include "lib/light.glsl"
+
+layout(local_size_x = GROUP_SIZE) in;
+
+layout(std430, binding = BUF_WORK) readonly buffer Inputs { vec4 inputs[]; };
+layout(std430, binding = BUF_SUMS) writeonly buffer Results { vec4 results[]; };
+
+uniform uint count;
+
+void main()
+{
+    uint index = invocation_index();
+    if (index >= count) {
+        return;
+    }
+    vec3 position = inputs[3u * index].xyz;
+    LightSample s = sample_light(lights[0], position, inputs[3u * index + 2u].xy);
+    float distance;
+    vec3 seen = light_along_ray(lights[0], position, inputs[3u * index + 1u].xyz, distance);
+    results[3u * index] = vec4(s.direction, s.distance);
+    results[3u * index + 1u] = vec4(s.irradiance, light_half_angle(lights[0], position));
+    results[3u * index + 2u] = vec4(seen, distance);
+}
