@@ -156,6 +156,17 @@ def test_missing_texture(tmp_path: Path) -> None:
     assert picture[6, 8, :3] == pytest.approx([1.0, 0.0, 1.0], abs=1e-3)
 
 
+def test_texture_node_without_image() -> None:
+    room()
+    material, tree, surface = build.bare_material("Wood")
+    emission = build.new_node(tree, "Emission", Strength=1.0)
+    tree.links.new(tree.nodes.new("ShaderNodeTexImage").outputs["Color"], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], surface)
+    bpy.data.objects["Floor"].data.materials[0] = material
+    assert render()[6, 8, :3] == pytest.approx([1.0, 0.0, 1.0], abs=1e-3), "as in Cycles"
+    assert any("Wood" in text and "no image" in text for text in rendering.last_warnings()), rendering.last_warnings()
+
+
 def test_file_without_camera_or_light(tmp_path: Path) -> None:
     build.empty_scene()
     build.add_box("Box", (1, 1, 1), (0, 0, 0), material=build.diffuse("Grey", (0.5, 0.5, 0.5)))
