@@ -163,7 +163,7 @@ def write_scene(folder: Path) -> Path:
     distant.CreateAngleAttr(2.0)
     distant.AddRotateXYZOp().Set(Gf.Vec3f(35.0, 20.0, 0.0))
     dome = UsdLux.DomeLight.Define(stage, "/World/Lights/Dome")
-    dome.CreateTextureFileAttr("./sky.hdr")  # Blender leaves out domes without a texture
+    dome.CreateTextureFileAttr("./sky.hdr")
     dome.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
     dome.CreateIntensityAttr(0.8)
 
