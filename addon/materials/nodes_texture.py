@@ -77,6 +77,7 @@ def image_set(reader: GraphReader, node: Node) -> ImageSet | None:
     """The node's images, or None (with a message) when there are none to sample."""
     images = node.image
     if images is None:
+        reader.warn(node, "has no image; it is magenta. Choose an image in the node")
         return None
     if images.problem:
         reader.warn(node, images.problem)
@@ -103,9 +104,7 @@ def _sample(reader: GraphReader, node: Node, images: ImageSet, coordinate: Expr,
 def image_texture(reader: GraphReader, node: Node, output: str) -> Expr:
     images = image_set(reader, node)
     if images is None:
-        if output == "Alpha":
-            return literal(1.0) if node.image is not None else literal(0.0)
-        return literal(MAGENTA) if node.image is not None else literal((0.0, 0.0, 0.0))
+        return literal(1.0) if output == "Alpha" else literal(MAGENTA)
     if node.properties.get("projection", "FLAT") != "FLAT":
         reader.warn(node, f"projects as {str(node.properties['projection']).lower()}; it is shown flat")
     if reader.is_linked(node, "Vector"):
@@ -137,7 +136,7 @@ def environment_texture(reader: GraphReader, node: Node, output: str) -> Expr:
     """Row 0 at the bottom: u = 0.5 - atan2(y, x) / 2 pi, v = 1 - acos(z) / pi; x+ is the middle of the image."""
     images = image_set(reader, node)
     if images is None:
-        return literal(MAGENTA) if node.image is not None else literal((0.0, 0.0, 0.0))
+        return literal(MAGENTA)
     default = leaf("direction_ws") if reader.is_world else leaf("position_ws")
     direction = normalize(reader.vector(node, "Vector") if reader.is_linked(node, "Vector") else default)
     if node.properties.get("projection") == "MIRROR_BALL":

@@ -10,7 +10,7 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_tests.pictures import Picture, read
+from blender_tests.pictures import Picture, read, relative_mse
 from blender_tests.scenes import build, cornell, rendering, target
 
 RENDER = {"voxels": 16, "samples": 4, "use_indirect": False}
@@ -63,6 +63,14 @@ def test_transparent_film() -> None:
     edge = picture[(picture[..., 3] > 0.05) & (picture[..., 3] < 0.95)]
     assert len(edge), "edges are smooth"
     assert edge[:, :3].sum(axis=1) == pytest.approx(edge[:, 3], abs=1e-3), "colour is multiplied by alpha"
+
+
+def test_edges_are_as_soft_as_in_cycles() -> None:
+    """The pixel filter, of the same name and width."""
+    scene = target.scene()
+    scene.camera.rotation_euler.z = 0.1
+    picture = rendering.conelight(**{**RENDER, "samples": 128})
+    assert relative_mse(picture, rendering.cycles(samples=512)) < 0.005
 
 
 def test_holdout() -> None:

@@ -46,4 +46,4 @@ def test_meshes_are_stored_once() -> None:
         placements.scene(how)
         rendering.conelight(voxels=32, samples=1, bounces=0)
         memory[how] = rendering.last_statistics()["memory"]
-    assert memory["nodes"]["attributes"] < 0.1 * memory["realised"]["attributes"]
+    assert memory["nodes"]["vertex positions"] < 0.1 * memory["realised"]["vertex positions"]

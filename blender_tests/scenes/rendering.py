@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import tempfile
 from pathlib import Path
@@ -17,7 +16,7 @@ CYCLES_BOUNCES = 16
 
 
 class RenderError(Exception):
-    """The engine's own sentence about why there is no picture."""
+    """What the engine, or else Blender, says about why there is no picture."""
 
 
 _registered = False
@@ -46,9 +45,13 @@ def conelight(size: tuple[int, int] | None = None, *, voxels: int = 64, **settin
     for name, value in {"voxel_auto": False, "voxel_resolution": voxels, **settings}.items():
         setattr(scene.conelight, name, value)
     session.last_error = None
-    with contextlib.suppress(RuntimeError):  # the engine's own sentence says more
-        return _render(scene, size, lambda: session.last_error)
-    raise RenderError(session.last_error)
+    try:
+        picture = _render(scene, size)
+    except RuntimeError as error:
+        raise RenderError(session.last_error or str(error)) from error
+    if session.last_error is not None:
+        raise RenderError(session.last_error)
+    return picture
 
 
 def last_statistics() -> dict[str, Any]:
@@ -76,7 +79,7 @@ def cycles(size: tuple[int, int] | None = None, *, samples: int, bounces: int = 
     }
     for name, value in values.items():
         setattr(scene.cycles, name, value)
-    return _render(scene, size, lambda: None)
+    return _render(scene, size)
 
 
 def save(path: str | os.PathLike[str], *, file_format: str = "OPEN_EXR", color_depth: str = "32") -> None:
@@ -91,12 +94,10 @@ def save(path: str | os.PathLike[str], *, file_format: str = "OPEN_EXR", color_d
     bpy.data.images["Render Result"].save_render(str(path), scene=scene)
 
 
-def _render(scene: Any, size: tuple[int, int] | None, problem: Any) -> Picture:
+def _render(scene: Any, size: tuple[int, int] | None) -> Picture:
     if size is not None:
         scene.render.resolution_x, scene.render.resolution_y = size
     bpy.ops.render.render(scene=scene.name)
-    if problem() is not None:
-        raise RenderError(problem())
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "picture.exr"
         save(path)

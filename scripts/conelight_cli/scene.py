@@ -41,4 +41,14 @@ def _import_into_empty_scene(path: str, extension: str) -> None:
     elif extension == ".obj":
         bpy.ops.wm.obj_import(filepath=path)
     else:
+        _add_black_world()  # Blender reads dome lights into the scene's world, and leaves them out where there is none
         bpy.ops.wm.usd_import(filepath=path)
+
+
+def _add_black_world() -> None:
+    world = bpy.context.scene.world = bpy.data.worlds.new("World")
+    if bpy.app.version < (5, 0, 0):  # later, a world always has nodes
+        world.use_nodes = True
+    for node in world.node_tree.nodes:
+        if node.bl_idname == "ShaderNodeBackground":
+            node.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
