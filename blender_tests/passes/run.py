@@ -138,7 +138,12 @@ def voxelized(gpu: GpuContext, scene: SceneData, grid: VoxelGrid) -> Iterator[Vo
 
 @contextlib.contextmanager
 def pipeline(
-    gpu: GpuContext, scene: SceneData, settings: Settings, size: tuple[int, int] = (8, 8), *, samples: int | None = None,
+    gpu: GpuContext,
+    scene: SceneData,
+    settings: Settings,
+    size: tuple[int, int] = (8, 8),
+    *,
+    samples: int | None = None,
     outputs: tuple[str, ...] = (),
 ) -> Iterator[Pipeline]:
     """A pipeline after ``prepare`` and ``samples`` passes (as set)."""
