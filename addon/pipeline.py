@@ -115,6 +115,12 @@ class Pipeline:
         Raises PipelineError, MemoryError, ShaderError. A generator that is not run to its end leaves no half-done step:
         the next call does that step again.
         """
+        limit = int(self.gpu.mgl.info.get("GL_MAX_TEXTURE_SIZE", 16384))
+        if max(size) > limit or min(size) < 1:
+            raise PipelineError(
+                f"{size[0]} x {size[1]} pixels cannot be rendered at once: this graphics driver draws 1 to {limit} a "
+                "side; render a part of the frame (Ctrl-B) or a smaller percentage"
+            )
         self._scene, self._settings, self._size = scene, settings, size
         memo, warnings = self._memo, list(scene.warnings)
 

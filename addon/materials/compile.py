@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from . import nodes_color, nodes_input, nodes_math, nodes_texture, shaders  # noqa: F401  they register their nodes
 from .closure import ONE, Closure
-from .emit import Emitter
+from .emit import LEAST_TEXTURES, Emitter
 from .expression import FLOAT, VEC3, Expr, constant, leaf, unless_zero
 from .graph import ImageData, MaterialData, NodeGraph, WorldData
 from .reader import GraphReader
@@ -89,8 +89,11 @@ class CompiledWorld:
     warnings: list[str] = field(default_factory=list)
 
 
-def compile_materials(materials: Sequence[MaterialData], uv_layers: Collection[str] = ()) -> CompiledMaterials:
-    """Compiles all materials of a scene. ``uv_layers``: names of UV layers there are, for Attribute nodes."""
+def compile_materials(
+    materials: Sequence[MaterialData], uv_layers: Collection[str] = (), max_textures: int = LEAST_TEXTURES
+) -> CompiledMaterials:
+    """Compiles all materials of a scene. ``uv_layers``: names of UV layers there are, for Attribute nodes.
+    ``max_textures``: images that one material can have; the others become their mean colour."""
     families: dict[MaterialFamily, int] = {}
     images: list[ImageData] = []
     warnings: list[str] = []
@@ -98,10 +101,11 @@ def compile_materials(materials: Sequence[MaterialData], uv_layers: Collection[s
     for material in materials:
         closure, messages = _material_closure(material, uv_layers)
         try:
-            family, emitter, parameters = _emit_material(closure)
+            family, emitter, parameters = _emit_material(closure, max_textures)
+            messages += _left_out(_owner(material), emitter)
         except (RecursionError, ArithmeticError, KeyError, TypeError, ValueError, IndexError) as error:
             messages.append(_failure(_owner(material), error))
-            family, emitter, parameters = _emit_material(_default_closure(material))
+            family, emitter, parameters = _emit_material(_default_closure(material), max_textures)
         warnings += [message for message in messages if message not in warnings]
         compiled.append(
             CompiledMaterial(
@@ -171,8 +175,18 @@ def _function(signature: str, emitter: Emitter, results: list[str]) -> tuple[str
     return "\n".join([*_INCLUDES, signature + " {", *body, "}", ""]), parameters
 
 
-def _emit_material(closure: Closure) -> tuple[MaterialFamily, Emitter, FloatArray]:
-    emitter = Emitter("material")
+def _left_out(owner: str, emitter: Emitter) -> list[str]:
+    if not emitter.left_out:
+        return []
+    names = ", ".join(f"'{name}'" for name in emitter.left_out)
+    return [
+        f"{owner} has more images than this graphics driver reads at once ({emitter.max_textures}): {names} "
+        "became a plain colour; use fewer images or UDIM tiles"
+    ]
+
+
+def _emit_material(closure: Closure, max_textures: int) -> tuple[MaterialFamily, Emitter, FloatArray]:
+    emitter = Emitter("material", max_textures)
     # Field, value, type, largest value: more than 1 in specular makes up for what single scattering loses.
     fields: list[tuple[str, Expr, str, str]] = [
         ("diffuse", closure.diffuse, VEC3, "1.0"),
@@ -233,4 +247,5 @@ def compile_world(world: WorldData | None) -> CompiledWorld:
         return CompiledWorld(world.name, color, warnings=[*reader.warnings, message])
     images: list[ImageData] = []
     bindings = _bindings(emitter, images)
-    return CompiledWorld(world.name, None, source, parameters, bindings, images, reader.warnings)
+    messages = [*reader.warnings, *_left_out(owner, emitter)]
+    return CompiledWorld(world.name, None, source, parameters, bindings, images, messages)

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .expression import FLOAT, VEC3, VEC4, Expr, Ramp, Sample
-from .graph import ImageData
+from .graph import ImageData, ImageEncoding
 from .operations import OPERATIONS
 
 _LEAF_GLSL = {
@@ -45,14 +45,31 @@ def _literal_text(value: npt.NDArray[np.float64]) -> str:
     return f"vec{len(value)}({', '.join(number_text(v) for v in (value[:1] if same else value))})"
 
 
+#: Samplers that every GL 4.3 driver has left for a material's images.
+LEAST_TEXTURES = 9
+
+
+def mean_colour(image: ImageData) -> npt.NDArray[np.float64]:
+    """RGBA, linear: what an image looks like from afar. sRGB is undone after the mean, which is near enough."""
+    mean: npt.NDArray[np.float64] = image.pixels.reshape(-1, 4).mean(axis=0, dtype=np.float64)
+    if image.pixels.dtype == np.uint8:
+        mean = mean / 255.0
+        if image.encoding is ImageEncoding.SRGB:
+            mean[:3] = mean[:3] ** 2.2
+    return mean
+
+
 @dataclass(eq=False)
 class Emitter:
     """Writes the statements of one function and remembers which slots they use.
 
-    ``prefix`` is 'material' or 'world': names of the textures and of the parameter function start with it.
+    ``prefix`` is 'material' or 'world': names of the textures and of the parameter function start with it. Images beyond
+    ``max_textures`` become their mean colour; their names are in ``left_out``.
     """
 
     prefix: str
+    max_textures: int = LEAST_TEXTURES
+    left_out: list[str] = field(default_factory=list)
     statements: list[str] = field(default_factory=list)
     uv_layers: list[str | None] = field(default_factory=list)
     color_layers: list[str | None] = field(default_factory=list)
@@ -134,21 +151,31 @@ class Emitter:
         return spec.glsl.format(*args)
 
     def _sample(self, sample: Sample, coordinate: str, footprint: str) -> str:
-        slots = [self._texture(image, sample) for _, image in sample.tiles]
+        function = "sample_image_clipped" if sample.extension == "CLIP" else "sample_image"
         if sample.is_udim:
             tile = self._variable(FLOAT, f"udim_tile({coordinate}.xy)")
             local = self._variable("vec2", f"fract({coordinate}.xy)")
             text = "vec4(1.0, 0.0, 1.0, 1.0)"
-            for (number, _), slot in reversed(list(zip(sample.tiles, slots, strict=True))):
-                text = f"{tile} == {number_text(number)} ? sample_image({slot}, {local}, {footprint}) :\n        {text}"
+            texts = [self._image(image, sample, "sample_image", local, footprint) for _, image in sample.tiles]
+            for (number, _), one in reversed(list(zip(sample.tiles, texts, strict=True))):
+                text = f"{tile} == {number_text(number)} ? {one} :\n        {text}"
             return f"({text})"
-        function = "sample_image_clipped" if sample.extension == "CLIP" else "sample_image"
-        return f"{function}({slots[0]}, {coordinate}.xy, {footprint})"
+        return self._image(sample.tiles[0][1], sample, function, f"{coordinate}.xy", footprint)
 
-    def _texture(self, image: ImageData, sample: Sample) -> str:
+    def _image(self, image: ImageData, sample: Sample, function: str, coordinate: str, footprint: str) -> str:
+        slot = self._texture(image, sample)
+        if slot is None:
+            if image.name not in self.left_out:
+                self.left_out.append(image.name)
+            return _literal_text(mean_colour(image))
+        return f"{function}({slot}, {coordinate}, {footprint})"
+
+    def _texture(self, image: ImageData, sample: Sample) -> str | None:
         for slot, (other, extension, interpolation) in enumerate(self.textures):
             if other is image and (extension, interpolation) == (sample.extension, sample.interpolation):
                 return f"{self.prefix}_texture_{slot}"
+        if len(self.textures) >= self.max_textures:
+            return None
         self.textures.append((image, sample.extension, sample.interpolation))
         return f"{self.prefix}_texture_{len(self.textures) - 1}"
 

@@ -15,7 +15,8 @@ from ..settings import Settings
 from .voxelize import Voxels
 from .world import WorldLight
 
-THREADS_PER_STEP = 1 << 15
+#: Rays in one dispatch: bounds how long a step takes, so that cancelling is quick.
+RAYS_PER_STEP = 1 << 17
 #: Bounces between two looks at how much has changed, and the change at which they stop.
 CHECK_EVERY = 4
 CONVERGED = 2e-4
@@ -41,7 +42,8 @@ class LinkPass:
             self.sky = gpu.list_texture("sky light of faces", voxels.faces.count, 4, "f4")
         kernel = gpu.kernel("link", voxels.trace_defines | world.defines)
         threads = 6 * voxels.cell_count  # one for each facing of each cell: see face_of_thread() in the shaders
-        for first in range(0, threads, THREADS_PER_STEP):
+        step = max(interface.GROUP_SIZE, RAYS_PER_STEP // self.count)
+        for first in range(0, threads, step):
             with gpu.timed("link"):
                 voxels.bind(kernel)
                 world.bind(kernel)
@@ -52,8 +54,8 @@ class LinkPass:
                 kernel.set(
                     thread_first=first, cell_count=voxels.cell_count, link_count=self.count, random_seed=settings.seed
                 )
-                kernel.run_list(min(THREADS_PER_STEP, threads - first))
-            yield min(1.0, (first + THREADS_PER_STEP) / threads)
+                kernel.run_list(min(step, threads - first))
+            yield min(1.0, (first + step) / threads)
         gpu.barrier()  # bounces read links and sky
 
     def release(self) -> None:

@@ -15,7 +15,8 @@ from ..scene import AreaShape, LightData, LightKind
 from ..settings import Settings
 from .voxelize import Voxels
 
-THREADS_PER_STEP = 1 << 17
+#: Threads times lights in one dispatch: bounds how long a step takes, so that cancelling is quick.
+WORK_PER_STEP = 1 << 17
 
 
 def light_records(lights: Sequence[LightData], grid: VoxelGrid) -> np.ndarray:
@@ -115,7 +116,8 @@ class InjectPass:
         self.irradiance = irradiance
         kernel = self.gpu.kernel("inject", voxels.trace_defines | lights.defines(settings))
         threads = 6 * voxels.cell_count  # one for each facing of each cell: see facing_of_thread() in the shaders
-        for first in range(0, threads, THREADS_PER_STEP):
+        step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, lights.count))
+        for first in range(0, threads, step):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
                 voxels.faces.bind()
@@ -125,8 +127,8 @@ class InjectPass:
                     thread_first=first, cell_count=voxels.cell_count, random_seed=settings.seed,
                     use_shadows=settings.use_shadows,
                 )  # fmt: skip
-                kernel.run_list(min(THREADS_PER_STEP, threads - first))
-            yield min(1.0, (first + THREADS_PER_STEP) / threads)
+                kernel.run_list(min(step, threads - first))
+            yield min(1.0, (first + step) / threads)
         self.gpu.barrier()  # bounces read it as a texture
 
     def release(self) -> None:

@@ -3,8 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
 
 import moderngl
 
@@ -19,8 +18,8 @@ from .surface import SurfacePictures, bind_pixels
 from .voxelize import Voxels
 from .world import WorldLight
 
-#: Pixels on a side of the tiles that one step lights: bounds how long a step takes.
-STEP_PIXELS = 256
+#: Rays that one step traces, about: bounds how long it takes, so that cancelling is quick.
+RAYS_PER_STEP = 1 << 17
 
 
 class LightingPictures:
@@ -57,24 +56,17 @@ class LightingPictures:
         self._key = ()
 
 
-def _tiles(size: tuple[int, int]) -> list[tuple[int, int, int, int]]:
-    """x, y, width, height of the tiles of a picture."""
-    return [
-        (x, y, min(STEP_PIXELS, size[0] - x), min(STEP_PIXELS, size[1] - y))
-        for y in range(0, size[1], STEP_PIXELS)
-        for x in range(0, size[0], STEP_PIXELS)
-    ]
-
-
 def _run_tiles(
-    gpu: GpuContext, name: str, kernel: Kernel, size: tuple[int, int], bind: Any
+    gpu: GpuContext, name: str, kernel: Kernel, size: tuple[int, int], rays: int, bind: Callable[[], None]
 ) -> Iterator[float]:
-    tiles = _tiles(size)
-    for index, (x, y, width, height) in enumerate(tiles):
+    """Run ``kernel`` tile by tile; ``rays``: how many it traces for a pixel. Yields the share done."""
+    side = max(interface.TILE_SIZE, int((RAYS_PER_STEP / max(rays, 1)) ** 0.5) // interface.TILE_SIZE * interface.TILE_SIZE)
+    tiles = [(x, y) for y in range(0, size[1], side) for x in range(0, size[0], side)]
+    for index, (x, y) in enumerate(tiles):
         with gpu.timed(name):
             bind()
             kernel.set(tile_first=(x, y))
-            kernel.run_tiles(width, height)
+            kernel.run_tiles(min(side, size[0] - x), min(side, size[1] - y))
             if index == len(tiles) - 1:
                 gpu.barrier()  # composition reads the pictures as textures
         yield (index + 1) / len(tiles)
@@ -113,7 +105,7 @@ class DirectPass:
             if shadow_cones:
                 kernel.set(shadow_cone_angle=settings.shadow_cone_angle)
 
-        yield from _run_tiles(self.gpu, "direct", kernel, surface.size, bind)
+        yield from _run_tiles(self.gpu, "direct", kernel, surface.size, lights.count, bind)
 
     def release(self) -> None:
         """Free everything."""
@@ -166,7 +158,7 @@ class GatherPass:
                 specular_aperture=settings.specular_aperture, clamp_indirect=settings.clamp_indirect,
             )
 
-        yield from _run_tiles(self.gpu, "gather", kernel, surface.size, bind)
+        yield from _run_tiles(self.gpu, "gather", kernel, surface.size, settings.rays + 1, bind)
 
     def release(self) -> None:
         """Free everything."""

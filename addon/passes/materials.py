@@ -69,7 +69,7 @@ class MaterialPass:
     def run(self, materials: Sequence[MaterialData], uv_layers: Collection[str] = ()) -> MaterialSet:
         """Compile and upload. ``uv_layers``: names of the UV layers that meshes have, for nodes that ask by name."""
         self.release()
-        compiled = compile_materials(materials, uv_layers)
+        compiled = compile_materials(materials, uv_layers, self._max_textures())
         layers: list[tuple[str, str | None]] = []
 
         def layer(kind: str, name: str | None) -> int:
@@ -105,6 +105,10 @@ class MaterialPass:
         self._owned = [values, table, *images]
         self.set = MaterialSet(compiled, layers, batches, batch_of_material, values, table, images)
         return self.set
+
+    def _max_textures(self) -> int:
+        units = int(self.gpu.mgl.info.get("GL_MAX_COMPUTE_TEXTURE_IMAGE_UNITS", 16))
+        return min(interface.MAX_MATERIAL_TEXTURES, units - interface.FIRST_MATERIAL_TEXTURE)
 
     def texts(self, batch: Batch) -> dict[str, str]:
         """The generated include ``material`` of a batch's program."""

@@ -18,8 +18,8 @@ from .inject import LightTable
 from .materials import MaterialPass, MaterialSet
 from .voxelize import Voxels
 
-#: Partly transparent surfaces that one pass looks through at a pixel, at most.
-MAX_LAYERS = 16
+#: Partly transparent surfaces that one pass looks through at a pixel, at most; the next one counts as opaque.
+MAX_LAYERS = 256
 
 
 @dataclass
@@ -132,7 +132,7 @@ class SurfacePass:
 
     def _evaluate(
         self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass, camera: CameraRays,
-        offset: tuple[float, float], seed: int, *, pending: bool,
+        offset: tuple[float, float], seed: int, *, pending: bool, last: bool = False,
     ) -> None:
         gpu, slot = self.gpu, interface.slot
         pictures = self.pictures
@@ -155,6 +155,8 @@ class SurfacePass:
             self._bins.bind_to_storage_buffer(slot("BUF_SUMS"))
             material_pass.bind(batch, kernel, geometry)
             kernel.set(batch=index, random_seed=seed, **camera.uniforms(offset))
+            if family.has_transparency:
+                kernel.set(last_layer=last)
             kernel.run_indirect(self._bins, 20 * index)
             material_pass.unbind(batch)
         gpu.barrier()  # lighting reads the pictures as textures
@@ -199,7 +201,8 @@ class SurfacePass:
             gpu.barrier()  # the count is read back, the marks by the next step
             if not np.frombuffer(self._counters.read(4), np.uint32)[0]:
                 return
-            self._evaluate(geometry, materials, material_pass, camera, offset, seed + layer, pending=True)
+            self._evaluate(geometry, materials, material_pass, camera, offset, seed + layer, pending=True,
+                last=layer == MAX_LAYERS - 1)
 
     def show_lights(self, lights: LightTable, camera: CameraRays, offset: tuple[float, float], settings: Settings) -> None:
         """Put lights that the camera sees into the pictures."""

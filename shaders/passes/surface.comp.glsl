@@ -22,6 +22,9 @@ layout(binding = IMG_6, rgba32f) writeonly uniform image2D emission_img;
 
 uniform uint batch;
 uniform uint random_seed;  // of this pass and layer
+#if HAS_OPACITY
+uniform bool last_layer;   // nothing is looked through any more
+#endif
 
 const uint PENDING = 0x80000000u;
 
@@ -51,7 +54,7 @@ void main()
     float opacity = 1.0;
 #if HAS_OPACITY
     opacity = 1.0 - clamp(luminance(s.transparency), 0.0, 1.0);
-    if (opacity < 1.0 && unit_float(hash(packed_pixel, random_seed)) >= opacity) {
+    if (opacity < 1.0 && !last_layer && unit_float(hash(packed_pixel, random_seed)) >= opacity) {
         imageStore(seen_img, pixel, uvec4((triangle_index + 1u) | PENDING));
         imageStore(position_img, pixel, vec4(position, 1.0));
         return;
