@@ -30,7 +30,7 @@ class Tolerance:
     """How far a picture may be from its reference. Of the same code on the same software rasterizer they are equal up
     to the half floats of the file; another compiler rounds otherwise, and then single rays go elsewhere."""
 
-    pixel: float = 0.02  # a channel of a pixel that is farther off (as a share of 1 or of its value) counts as different
+    pixel: float = 0.02  # a channel farther off (as a share of 1, or of its value if larger) makes a pixel different
     share: float = 0.01  # of the pixels may be different
     mean: float = 0.002  # mean difference of all channels
 
@@ -66,7 +66,8 @@ def problem_of(picture: Picture, reference: Picture, tolerance: Tolerance) -> st
     )
     share = result.nfail / (shown.shape[0] * shown.shape[1])
     if share > tolerance.share:
-        return f"{100 * share:.1f} % of its pixels differ by more than {tolerance.pixel:g} (allowed: {100 * tolerance.share:g} %)"
+        allowed = f"allowed: {100 * tolerance.share:g} %"
+        return f"{100 * share:.1f} % of its pixels differ by more than {tolerance.pixel:g} ({allowed})"
     if result.meanerror > tolerance.mean:
         return f"its mean difference is {result.meanerror:.4f} (allowed: {tolerance.mean:g})"
     return None
@@ -97,7 +98,8 @@ def compare(name: str, picture: Picture, command: str, tolerance: Tolerance | No
     if cycles_path.exists():
         cycles = read(cycles_path)
         _write_png(f"{name}.cycles", cycles)
-        notes = f"against Cycles: relMSE {relative_mse(picture, cycles):.4f}, brightness {100 * bias(picture, cycles):+.1f} %"
+        error, brightness = relative_mse(picture, cycles), 100 * bias(picture, cycles)
+        notes = f"against Cycles: relMSE {error:.4f}, brightness {brightness:+.1f} %"
     if problem is not None:
         problem = (
             f"picture '{name}': {problem}. New, reference and difference are in {OUTPUT}; if the new one is right, "

@@ -18,6 +18,9 @@ _EGL_MAJOR_VERSION, _EGL_MINOR_VERSION = 0x3098, 0x30FB
 _EGL_PROFILE_MASK, _EGL_CORE_PROFILE_BIT = 0x30FD, 0x0001
 _EGL_PLATFORM_SURFACELESS_MESA = 0x31DD
 
+NEEDED_VERSION = (4, 3)  # of OpenGL
+OLDER_VERSION = (3, 2)  # the first with core contexts
+
 
 def backend_problem(backend: str, version: str) -> str | None:
     """Why Conelight cannot render on Blender's graphics ``backend`` (OPENGL, VULKAN, METAL, ...); None: it can.
@@ -45,6 +48,11 @@ def backend_problem(backend: str, version: str) -> str | None:
 def backend_in_use() -> tuple[str, str | None]:
     """Blender's graphics backend, and why it cannot be used (None: it can, or there is no telling yet)."""
     if bpy.app.background and not background_has_gl():
+        if _egl_makes_contexts(OLDER_VERSION):
+            return "OPENGL", (
+                "Conelight needs OpenGL 4.3, and this graphics driver has an older one: update the driver or use another "
+                "graphics device."
+            )
         return "NONE", (
             "Conelight needs OpenGL 4.3, and this system cannot draw without a window: install or update the graphics "
             "driver (for software rendering on Debian: libegl1 and libgl1-mesa-dri; on Fedora: mesa-libEGL and "
@@ -69,12 +77,12 @@ def background_has_gl() -> bool:
     """
     global _background_has_gl
     if _background_has_gl is None:
-        _background_has_gl = not sys.platform.startswith("linux") or _egl_makes_contexts()
+        _background_has_gl = not sys.platform.startswith("linux") or _egl_makes_contexts(NEEDED_VERSION)
     return _background_has_gl
 
 
-def _egl_makes_contexts() -> bool:
-    """Makes an OpenGL 4.3 core context and throws it away, without making it current.
+def _egl_makes_contexts(version: tuple[int, int]) -> bool:
+    """Makes an OpenGL core context of at least ``version`` and throws it away, without making it current.
 
     Tries the displays that Blender tries: the default one, then Mesa's without a surface. They stay initialized, as
     others may use them.
@@ -86,18 +94,19 @@ def _egl_makes_contexts() -> bool:
         displays = egl.eglGetDisplay(None), egl.eglGetPlatformDisplay(_EGL_PLATFORM_SURFACELESS_MESA, None, None)
     except (OSError, AttributeError):  # no EGL, or one before 1.5
         return False
-    return any(display and _makes_context(egl, ctypes.c_void_p(display)) for display in displays)
+    return any(display and _makes_context(egl, ctypes.c_void_p(display), version) for display in displays)
 
 
-def _makes_context(egl: ctypes.CDLL, display: ctypes.c_void_p) -> bool:
+def _makes_context(egl: ctypes.CDLL, display: ctypes.c_void_p, version: tuple[int, int]) -> bool:
     if not egl.eglInitialize(display, None, None):
         return False
     wanted = _attributes(_EGL_RENDERABLE_TYPE, _EGL_OPENGL_BIT, _EGL_SURFACE_TYPE, 0)
     config, count = ctypes.c_void_p(), ctypes.c_int()
     if not egl.eglChooseConfig(display, wanted, ctypes.byref(config), 1, ctypes.byref(count)) or count.value < 1:
         return False
-    version = _attributes(_EGL_MAJOR_VERSION, 4, _EGL_MINOR_VERSION, 3, _EGL_PROFILE_MASK, _EGL_CORE_PROFILE_BIT)
-    context = egl.eglCreateContext(display, config, None, version)
+    major, minor = version
+    asked = _attributes(_EGL_MAJOR_VERSION, major, _EGL_MINOR_VERSION, minor, _EGL_PROFILE_MASK, _EGL_CORE_PROFILE_BIT)
+    context = egl.eglCreateContext(display, config, None, asked)
     if not context:
         return False
     egl.eglDestroyContext(display, ctypes.c_void_p(context))

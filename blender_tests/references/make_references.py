@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Renders the pictures of Cycles that tests compare with, into this folder: ``python make_references.py [NAME ...]``.
 
-Run it in the environment that ``scripts/test`` makes, with the folder of the repository as PYTHONPATH. It takes minutes.
+Run it in the environment that ``scripts/test`` makes, with the repository's folder as PYTHONPATH. It takes minutes.
 """
 
 from __future__ import annotations

@@ -203,6 +203,14 @@ def test_no_gl(tmp_path: Path, environment: dict[str, str]) -> None:
 
 
 @on_linux
+def test_old_gl_is_told_from_none(tmp_path: Path) -> None:
+    room()
+    save(tmp_path / "a.blend")
+    said = refuse("a.blend", folder=tmp_path, MESA_GL_VERSION_OVERRIDE="4.2", LIBGL_ALWAYS_SOFTWARE="1")
+    assert "OpenGL 4.3" in said and "older" in said
+
+
+@on_linux
 def test_gl_4_3_is_enough(tmp_path: Path) -> None:
     room()
     save(tmp_path / "a.blend")
@@ -214,7 +222,7 @@ def test_gl_4_3_is_enough(tmp_path: Path) -> None:
 
 def test_no_camera() -> None:
     room().camera = None
-    with pytest.raises(rendering.RenderError, match="(?i)camera"):
+    with pytest.raises(rendering.RenderError, match=r"(?i)camera"):
         render()
 
 

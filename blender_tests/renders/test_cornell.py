@@ -54,5 +54,5 @@ def test_small_emitter() -> None:
     """A glowing quad of 30 cm lights the room as brightly as in Cycles; how noisy it is does not count here."""
     scene = SCENES["cornell_emitter"]
     scene.build()
-    picture = rendering.conelight(scene.size, voxels=64)
+    picture = rendering.conelight(scene.size, voxels=64, samples=128)
     assert abs(bias(picture, read(REFERENCES / "cornell_emitter.cycles.exr"))) <= BRIGHTNESS

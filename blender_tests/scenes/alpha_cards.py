@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Cards that are partly transparent, before a wall: by a texture's alpha, and evenly by half; they cast such shadows."""
+"""Cards that are partly transparent, before a wall: by a texture's alpha, and evenly by half; their shadows too."""
 
 from __future__ import annotations
 

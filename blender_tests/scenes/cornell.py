@@ -19,7 +19,10 @@ LAMPS = ("area", "point", "emitter")
 
 
 def scene(lamp: str = "area") -> Any:
-    """``lamp``: ``area`` (an area light at the ceiling), ``point``, ``emitter`` (a small glowing quad, not seen itself)."""
+    """``lamp``: ``area`` (an area light at the ceiling), ``point``, ``emitter`` (a small glowing quad, unseen).
+
+    Raises ValueError for another one.
+    """
     result = build.empty_scene()
     white, red, green = build.diffuse("White", WHITE), build.diffuse("Red", RED), build.diffuse("Green", GREEN)
     w, d, h = WIDTH, DEPTH, HEIGHT
