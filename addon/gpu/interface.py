@@ -74,7 +74,7 @@ TEXTURES = (
 TEXTURE_ALIASES = {
     # Voxel faces, where there are no pixels.
     "TEX_FACE_PLACE": "TEX_POSITION",  # rgba32ui list: position (grid space), normal (octahedral)
-    "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, weight / MAX_FACE_WEIGHT
+    "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, root of weight / MAX_FACE_WEIGHT
     "TEX_FACE_EMISSION": "TEX_DIFFUSE",  # rgba32f list: W/(m2 sr)
     "TEX_FACE_IRRADIANCE": "TEX_F0",  # rgba32f list: of sites, from lights, over pi
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees

@@ -103,8 +103,8 @@ def read_faces(voxels: Voxels, records: np.ndarray) -> np.ndarray:
     place = read_list(voxels.faces.place, count, np.uint32)
     faces["position"] = np.ascontiguousarray(place[:, :3]).view(np.float32)
     faces["normal"] = _octahedral(place[:, 3])
-    reflectance = read_list(voxels.faces.reflectance, count, np.float16)
-    faces["reflectance"], faces["weight"] = reflectance[:, :3], reflectance[:, 3]
+    reflectance = read_list(voxels.faces.reflectance, count, np.uint16) / np.float32(65535)
+    faces["reflectance"], faces["weight"] = reflectance[:, :3], reflectance[:, 3] ** 2 * interface.MAX_FACE_WEIGHT
     if voxels.faces.emission is not None:
         faces["emission"] = read_list(voxels.faces.emission, count, np.float32)[:, :3]
     return faces

@@ -155,7 +155,8 @@ def test_order_of_triangles_hardly_shows(gpu: GpuContext) -> None:
         renamed[:, 3] = order[renamed[:, 3]]
         assert np.array_equal(first.pairs, renamed[np.lexsort(renamed.T[::-1])])
         weights = first.faces["weight"], second.faces["weight"]
-        unit = (first.records[first.faces["cell"], 1] + 0.5) / interface.FIXED_ONE + weights[0] / 1024  # half floats
+        unit = (first.records[first.faces["cell"], 1] + 0.5) / interface.FIXED_ONE
+        unit += 2 * np.sqrt(weights[0] * interface.MAX_FACE_WEIGHT) / 65535  # a step of the stored root
         # A side with next to nothing on it may have been rounded to nothing, and then is the back of the other side.
         alike = np.minimum(*weights) > 3 * unit
         assert alike.mean() > 0.9

@@ -24,7 +24,7 @@ uniform uint sum_words;
 struct Face {
     vec3 position;
     vec3 normal;
-    vec4 reflectance;  // a: weight / MAX_FACE_WEIGHT
+    vec4 reflectance;  // a: as stored
     vec3 emission;
 };
 
@@ -35,7 +35,7 @@ Face mean_face(uint face, uint facing, vec3 corner, float total)
     uint at = face * sum_words;
     float inverse = 1.0 / total;
     result.reflectance.rgb = vec3(sums[at + 1u], sums[at + 2u], sums[at + 3u]) * inverse;
-    result.reflectance.a = min(total / (FIXED_ONE * MAX_FACE_WEIGHT), 1.0);
+    result.reflectance.a = sqrt(min(total / (FIXED_ONE * MAX_FACE_WEIGHT), 1.0));
     result.position = corner + vec3(sums[at + 4u], sums[at + 5u], sums[at + 6u]) * inverse;
     result.normal = facing_vector(facing);
     result.emission = vec3(0.0);
