@@ -78,7 +78,7 @@ class Setting:
             raise ValueError(f"{self.name}: '{value}' is not {self._expected()}")
         if self.kind in (int, float):
             number = float(value)  # type: ignore[arg-type]
-            if (self.lo is not None and number < self.lo) or (self.hi is not None and number > self.hi):
+            if not (self.lo is None or number >= self.lo) or not (self.hi is None or number <= self.hi):  # NaN is neither
                 raise ValueError(f"{self.name}: {value} is not {self._expected()}")
         return value
 
