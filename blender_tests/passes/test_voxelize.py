@@ -113,9 +113,17 @@ def test_two_runs_give_the_same_bits(gpu: GpuContext) -> None:
         assert same_faces(first, second)
 
 
-def test_order_of_work_does_not_show(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same work items in another order: the order of threads on another driver."""
-    made = scenes.scene((scenes.soup(triangles_in_grid("ordinary", 200)), scenes.glowing((0.4, 0.5, 0.6), 3.3)))
+@pytest.mark.parametrize("shape", ["soup", "sphere", "box"])
+def test_order_of_work_does_not_show(shape: str, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same work items in another order: the order of threads on another driver. In the middle of cells the
+    triangles of sphere and box meet at one point, and are equally near."""
+    shapes = {
+        "soup": scenes.soup(triangles_in_grid("ordinary", 200)),
+        "sphere": scenes.sphere(4.5, 12),
+        "box": scenes.box((-4.5, -4.5, -4.5), (4.5, 4.5, 4.5)),
+    }
+    place = np.eye(4) if shape == "soup" else scenes.at(12.5, 12.5, 12.5)
+    made = scenes.scene((shapes[shape], scenes.glowing((0.4, 0.5, 0.6), 3.3), place))
     with voxelized(gpu, made, unit_grid(SIZE)) as first:
         original = VoxelizePass._work
 

@@ -55,16 +55,20 @@ void find_surface(inout Face face, uvec4 record, vec3 corner)
     vec3 outward = face.normal;
     vec3 origin = face.position;
     float height = -2.0;
+    uint highest = NONE_INDEX;
     for (uint k = record.x; k < record.x + record.y; ++k) {
-        Triangle t = fetch_triangle(texelFetch(cell_triangles_tex, list_texel(k), 0).r);
+        uint index = texelFetch(cell_triangles_tex, list_texel(k), 0).r;
+        Triangle t = fetch_triangle(index);
         vec2 barycentric;
         float distance;
         bool crosses = intersect_plane(t, origin, outward, barycentric, distance);
         vec3 at = origin + outward * distance - corner;
         bool inside = min(barycentric.x, barycentric.y) >= 0.0 && barycentric.x + barycentric.y <= 1.0 &&
                       all(greaterThan(at, vec3(-1e-3))) && all(lessThan(at, vec3(1.001)));
-        if (crosses && inside && distance > height) {
+        // Equal heights go to the lower index: the order of the cell's list must not show.
+        if (crosses && inside && (distance > height || (distance == height && index < highest))) {
             height = distance;
+            highest = index;
             vec3 n = normalize(cross(t.edge_1, t.edge_2));
             face.normal = dot(n, outward) < 0.0 ? -n : n;
             face.position = origin + outward * distance;
