@@ -53,7 +53,7 @@ class VoxelGrid:
         cell_size = max(longest / max(resolution - 2 * MARGIN, 1.0), 1e-9)
         # Far from the origin float64 still resolves a cell, or else the cells grow until it does.
         cell_size = max(cell_size, float(np.abs(bounds).max()) * 1e-12)
-        cells = np.maximum(np.ceil(extent / cell_size + 2 * MARGIN), 1)
+        cells = np.maximum(np.ceil(extent / cell_size + 2 * MARGIN - 1e-6), 1)  # rounding must not add a cell
         size = (np.ceil(cells / BRICK) * BRICK).astype(int)
         origin = 0.5 * (bounds[0] + bounds[1]) - 0.5 * cells * cell_size
         return cls((float(origin[0]), float(origin[1]), float(origin[2])), cell_size, (int(size[0]), int(size[1]), int(size[2])))

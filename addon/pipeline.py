@@ -118,12 +118,13 @@ class Pipeline:
         self._scene, self._settings, self._size = scene, settings, size
         memo, warnings = self._memo, list(scene.warnings)
 
-        if memo.stale("materials", scene.materials):
+        uv_layers = tuple(sorted({name for mesh in scene.meshes for name in mesh.uv_layers}))
+        if memo.stale("materials", scene.materials, uv_layers):
             yield Progress(0.0, "Compiling materials")
             memo.forget("geometry", "voxels")
             with self.gpu.timed("materials"):
-                self._materials.run(scene.materials)
-            memo.done("materials", scene.materials)
+                self._materials.run(scene.materials, uv_layers)
+            memo.done("materials", scene.materials, uv_layers)
         materials = self._materials.set
         assert materials is not None
         warnings += materials.compiled.warnings

@@ -32,6 +32,9 @@ FACE_SUM_WORDS = 7
 #: Emission has no bound: each channel is a 64-bit sum, 32.32 (low word first).
 EMISSION_SUM_WORDS = 6
 
+#: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
+MAX_FACE_WEIGHT = 16
+
 #: A face or a triangle that is not there.
 NONE_INDEX = 0xFFFFFFFF
 
@@ -71,7 +74,7 @@ TEXTURES = (
 TEXTURE_ALIASES = {
     # Voxel faces, where there are no pixels.
     "TEX_FACE_PLACE": "TEX_POSITION",  # rgba32ui list: position (grid space), normal (octahedral)
-    "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16f list: reflectance, weight
+    "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, root of weight / MAX_FACE_WEIGHT
     "TEX_FACE_EMISSION": "TEX_DIFFUSE",  # rgba32f list: W/(m2 sr)
     "TEX_FACE_IRRADIANCE": "TEX_F0",  # rgba32f list: of sites, from lights, over pi
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
@@ -220,6 +223,7 @@ def prelude() -> str:
         "FACE_SUM_WORDS": f"{FACE_SUM_WORDS}u",
         "EMISSION_SUM_WORDS": f"{EMISSION_SUM_WORDS}u",
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
+        "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
     }
     defines |= {f"LIGHT_{kind.name}": f"{kind.value}u" for kind in LightKind}
     defines |= {f"RAY_{flag.name}": f"{flag.value}u" for flag in RayVisibility}

@@ -18,7 +18,7 @@ from .world import WorldLight
 THREADS_PER_STEP = 1 << 15
 #: Bounces between two looks at how much has changed, and the change at which they stop.
 CHECK_EVERY = 4
-CONVERGED = 1e-3
+CONVERGED = 2e-4
 
 
 class LinkPass:

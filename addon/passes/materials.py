@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -66,10 +66,10 @@ class MaterialPass:
         self._owned: list[Any] = []
         self._samplers: dict[tuple, moderngl.Sampler] = {}
 
-    def run(self, materials: Sequence[MaterialData]) -> MaterialSet:
-        """Compile and upload."""
+    def run(self, materials: Sequence[MaterialData], uv_layers: Collection[str] = ()) -> MaterialSet:
+        """Compile and upload. ``uv_layers``: names of the UV layers that meshes have, for nodes that ask by name."""
         self.release()
-        compiled = compile_materials(materials)
+        compiled = compile_materials(materials, uv_layers)
         layers: list[tuple[str, str | None]] = []
 
         def layer(kind: str, name: str | None) -> int:

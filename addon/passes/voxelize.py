@@ -36,7 +36,7 @@ class Faces:
 
     count: int
     place: moderngl.Texture  # rgba32ui
-    reflectance: moderngl.Texture  # rgba16f
+    reflectance: moderngl.Texture  # rgba16, unsigned normalized: half floats would lose energy at each bounce
     emission: moderngl.Texture | None  # rgba32f
 
     def bind(self) -> None:
@@ -296,7 +296,7 @@ class VoxelizePass:
         textures = Faces(
             faces,
             gpu.list_texture("faces", faces, 4, "u4"),
-            gpu.list_texture("faces", faces, 4, "f2"),
+            gpu.list_texture("faces", faces, 4, "nu2"),
             gpu.list_texture("face emission", faces, 4, "f4") if materials.has_emission else None,
         )
         self._owned += [

@@ -103,8 +103,8 @@ def read_faces(voxels: Voxels, records: np.ndarray) -> np.ndarray:
     place = read_list(voxels.faces.place, count, np.uint32)
     faces["position"] = np.ascontiguousarray(place[:, :3]).view(np.float32)
     faces["normal"] = _octahedral(place[:, 3])
-    reflectance = read_list(voxels.faces.reflectance, count, np.float16)
-    faces["reflectance"], faces["weight"] = reflectance[:, :3], reflectance[:, 3]
+    reflectance = read_list(voxels.faces.reflectance, count, np.uint16) / np.float32(65535)
+    faces["reflectance"], faces["weight"] = reflectance[:, :3], reflectance[:, 3] ** 2 * interface.MAX_FACE_WEIGHT
     if voxels.faces.emission is not None:
         faces["emission"] = read_list(voxels.faces.emission, count, np.float32)[:, :3]
     return faces
@@ -138,7 +138,12 @@ def voxelized(gpu: GpuContext, scene: SceneData, grid: VoxelGrid) -> Iterator[Vo
 
 @contextlib.contextmanager
 def pipeline(
-    gpu: GpuContext, scene: SceneData, settings: Settings, size: tuple[int, int] = (8, 8), *, samples: int | None = None,
+    gpu: GpuContext,
+    scene: SceneData,
+    settings: Settings,
+    size: tuple[int, int] = (8, 8),
+    *,
+    samples: int | None = None,
     outputs: tuple[str, ...] = (),
 ) -> Iterator[Pipeline]:
     """A pipeline after ``prepare`` and ``samples`` passes (as set)."""

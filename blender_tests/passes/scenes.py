@@ -122,7 +122,10 @@ def axes_along(direction: Any) -> np.ndarray:
 
 
 def light(
-    kind: LightKind, intensity: float | Color, position: Any = (0.0, 0.0, 0.0), direction: Any = (0.0, 0.0, -1.0),
+    kind: LightKind,
+    intensity: float | Color,
+    position: Any = (0.0, 0.0, 0.0),
+    direction: Any = (0.0, 0.0, -1.0),
     **more: Any,
 ) -> LightData:
     """A light at ``position`` that shines along ``direction``."""
@@ -131,8 +134,14 @@ def light(
 
 
 def camera(
-    position: Any = (0.0, 0.0, 3.0), target: Any = (0.0, 0.0, 0.0), *, width: float | None = None, angle: float = 0.9,
-    aspect: float = 1.0, near: float = 0.01, far: float = 100.0,
+    position: Any = (0.0, 0.0, 3.0),
+    target: Any = (0.0, 0.0, 0.0),
+    *,
+    width: float | None = None,
+    angle: float = 0.9,
+    aspect: float = 1.0,
+    near: float = 0.01,
+    far: float = 100.0,
 ) -> CameraData:
     """Perspective with a full horizontal angle, or orthographic with a width in metres."""
     position, target = np.asarray(position, np.float64), np.asarray(target, np.float64)
@@ -161,8 +170,11 @@ def at(x: float = 0.0, y: float = 0.0, z: float = 0.0, scale: Any = 1.0) -> np.n
 
 
 def scene(
-    *objects: tuple[Any, ...], lights: Sequence[LightData] = (), world: WorldData | None = None,
-    camera: CameraData | None = None, **more: Any,
+    *objects: tuple[Any, ...],
+    lights: Sequence[LightData] = (),
+    world: WorldData | None = None,
+    camera: CameraData | None = None,
+    **more: Any,
 ) -> SceneData:
     """``objects``: (mesh, material[, matrix[, visibility]]). Meshes and materials given twice are shared."""
     meshes: list[MeshData] = []

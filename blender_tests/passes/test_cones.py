@@ -20,7 +20,9 @@ SIZE = 64
 
 
 @contextlib.contextmanager
-def cones_of(gpu: GpuContext, made: SceneData, size: int = SIZE, radiance: float = 1.0) -> Iterator[tuple[ConeVolume, VoxelData]]:
+def cones_of(
+    gpu: GpuContext, made: SceneData, size: int = SIZE, radiance: float = 1.0
+) -> Iterator[tuple[ConeVolume, VoxelData]]:
     """The cone volume of a scene all of whose faces have one radiance."""
     volume = ConeVolume(gpu)
     with voxelized(gpu, made, unit_grid(size)) as found:
@@ -34,7 +36,9 @@ def cones_of(gpu: GpuContext, made: SceneData, size: int = SIZE, radiance: float
             gpu.free(light)
 
 
-def shoot(gpu: GpuContext, volume: ConeVolume, origins: np.ndarray, direction: np.ndarray, tan_half: float) -> np.ndarray:
+def shoot(
+    gpu: GpuContext, volume: ConeVolume, origins: np.ndarray, direction: np.ndarray, tan_half: float
+) -> np.ndarray:
     """(radiance, transmittance) of cones from ``origins`` that start along ``direction``."""
     rays = np.zeros((len(origins), 12), np.float32)
     rays[:, :3], rays[:, 3], rays[:, 4:7], rays[:, 7], rays[:, 8:11] = origins, 1e30, direction, tan_half, direction
@@ -52,7 +56,9 @@ def level_sums(gpu: GpuContext, volume: ConeVolume) -> np.ndarray:
         stride = volume.stride >> level
         grid = np.stack(np.meshgrid(np.arange(x), np.arange(y), np.arange(z), indexing="ij"), axis=-1).reshape(-1, 3)
         for facing in range(6):
-            texels = np.concatenate([grid + [0, 0, facing * stride], np.full((len(grid), 1), level)], axis=1)
+            texels = np.full((len(grid), 4), level)
+            texels[:, :3] = grid
+            texels[:, 2] += facing * stride
             volume.bind(kernel)
             sums[level, facing] = map_list(gpu, kernel, texels, 4)[:, 3].sum(dtype=np.float64)
     return sums
@@ -123,7 +129,9 @@ def test_faces_and_radiance_belong_together(gpu: GpuContext) -> None:
 def test_six_cones_see_the_whole_sky(gpu: GpuContext) -> None:
     """A plane of albedo 0.6 under a sky of radiance 1, gathered by cones."""
     made = scenes.scene(
-        (scenes.plane(2.0), scenes.diffuse(0.6)), world=scenes.world(1.0), camera=scenes.camera((0.0, 0.0, 2.0), width=0.5)
+        (scenes.plane(2.0), scenes.diffuse(0.6)),
+        world=scenes.world(1.0),
+        camera=scenes.camera((0.0, 0.0, 2.0), width=0.5),
     )
     with pipeline(gpu, made, scenes.settings(32, gather_mode="CONES"), (8, 8), samples=1) as ready:
         assert ready.film.read("combined")[..., :3].mean() == pytest.approx(0.6, rel=0.05)

@@ -51,7 +51,8 @@ def test_geometry_passes(gpu: GpuContext) -> None:
     """An orthographic view from above at height 3: depth 3 - z, positions on the plane, normal up."""
     made = scenes.scene(
         (scenes.plane(2.0, 0.5), scenes.diffuse((0.1, 0.2, 0.3))),
-        camera=scenes.camera((0.2, 0.1, 3.0), (0.2, 0.1, 0.0), width=4.0), world=scenes.world(0.5), pixel_filter_width=0.0,
+        camera=scenes.camera((0.2, 0.1, 3.0), (0.2, 0.1, 0.0), width=4.0), world=scenes.world(0.5),
+        pixel_filter_width=0.0,
     )  # fmt: skip
     with pipeline(gpu, made, scenes.settings(16), (32, 32), samples=2, outputs=PASSES) as ready:
         found = {name: ready.film.read(name) for name in PASSES}
@@ -68,7 +69,9 @@ def test_geometry_passes(gpu: GpuContext) -> None:
     position = found["position"]
     np.testing.assert_allclose(position[..., 0][inside], np.broadcast_to(x, (32, 32))[inside], atol=1e-4)
     np.testing.assert_allclose(position[..., 1][inside], np.broadcast_to(y[:, None], (32, 32))[inside], atol=1e-4)
-    np.testing.assert_allclose(found["diffuse_color"][inside], np.broadcast_to([0.1, 0.2, 0.3], (inside.sum(), 3)), atol=2e-4)
+    np.testing.assert_allclose(
+        found["diffuse_color"][inside], np.broadcast_to([0.1, 0.2, 0.3], (inside.sum(), 3)), atol=2e-4
+    )
     np.testing.assert_array_equal(found["environment"][outside], 0.5)
     np.testing.assert_array_equal(found["combined"][outside], np.broadcast_to([0.5, 0.5, 0.5, 1.0], (outside.sum(), 4)))
 

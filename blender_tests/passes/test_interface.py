@@ -30,9 +30,13 @@ def test_struct_layout(struct: interface.Struct, gpu: GpuContext) -> None:
             values = np.arange(number + 1, number + 1 + size)
             number += size
             record[name] = values if size > 1 else values[0]
-            expected.append(values.astype(np.uint32) if kind in ("uint", "int") else values.astype(np.float32).view(np.uint32))
+            expected.append(
+                values.astype(np.uint32) if kind in ("uint", "int") else values.astype(np.float32).view(np.uint32)
+            )
     lines = [
-        f"    copied[at + {index}u] = " + ("uint" if kind in ("uint", "int") else "floatBitsToUint") + f"(record.{name}{part});"
+        f"    copied[at + {index}u] = "
+        + ("uint" if kind in ("uint", "int") else "floatBitsToUint")
+        + f"(record.{name}{part});"
         for index, (name, kind, part) in enumerate(parts)
     ]
     kernel = test_kernel(

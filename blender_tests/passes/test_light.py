@@ -24,7 +24,9 @@ COUNT = 1 << 14
 class Measured:
     """Samples of one light from one point, in metres."""
 
-    def __init__(self, gpu: GpuContext, source: LightData, point: np.ndarray, directions: np.ndarray, falloff: float) -> None:
+    def __init__(
+        self, gpu: GpuContext, source: LightData, point: np.ndarray, directions: np.ndarray, falloff: float
+    ) -> None:
         table = LightTable(gpu)
         table.run([source], GRID)
         inputs = np.zeros((COUNT, 12), np.float32)
@@ -83,7 +85,9 @@ def rectangle_form(corners: np.ndarray, point: np.ndarray, normal: np.ndarray) -
 def test_point(radius: float, soft: bool, measure: object) -> None:
     """I / d^2. A sphere gives that exactly on a surface facing its centre; a disk that faces the receiver
     gives L pi sin^2 of its half angle, L = I / (pi r^2)."""
-    found = measure(light(LightKind.POINT, (3.0, 1.0, 0.0), (0.0, 0.0, 2.0), radius=radius, soft_falloff=soft), (0.5, 0.0, 0.5))  # type: ignore[operator]
+    found = measure(
+        light(LightKind.POINT, (3.0, 1.0, 0.0), (0.0, 0.0, 2.0), radius=radius, soft_falloff=soft), (0.5, 0.0, 0.5)
+    )  # type: ignore[operator]
     to_light = np.array([-0.5, 0.0, 1.5])
     squared = to_light @ to_light
     expected = 3.0 / squared if not soft or radius == 0 else 3.0 / (squared + radius**2)
@@ -182,7 +186,10 @@ def test_area_spread(spread: float, measure: object) -> None:
     ("source", "toward"),
     [
         (light(LightKind.AREA, 7.0, (0.0, 0.0, 1.0), size=(1.2, 0.8)), (0.0, 0.0, 1.0)),
-        (light(LightKind.AREA, 7.0, (0.0, 0.0, 1.0), size=(1.2, 0.8), shape=AreaShape.ELLIPSE, spread=1.8), (0, 0, 1.0)),
+        (
+            light(LightKind.AREA, 7.0, (0.0, 0.0, 1.0), size=(1.2, 0.8), shape=AreaShape.ELLIPSE, spread=1.8),
+            (0, 0, 1.0),
+        ),
         (light(LightKind.POINT, 2.0, (0.0, 0.0, 1.0), radius=0.5, soft_falloff=False), (0.0, 0.0, 1.0)),
         (light(LightKind.SUN, 2.0, direction=(0.0, 0.0, -1.0), angle=1.0), (0.0, 0.0, 1.0)),
     ],

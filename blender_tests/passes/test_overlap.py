@@ -18,7 +18,9 @@ def triangles_near_cube(kind: str, count: int = 300) -> np.ndarray:
     size = {"ordinary": 1.0, "tiny": 0.02, "huge": 40.0, "sliver": 4.0, "on planes": 1.0, "level": 1.5}[kind]
     made = centre + rng.normal(size=(count, 3, 3)) * size
     if kind == "sliver":
-        made[:, 2] = made[:, 0] + (made[:, 1] - made[:, 0]) * rng.random((count, 1)) + rng.normal(size=(count, 3)) * 1e-3
+        made[:, 2] = (
+            made[:, 0] + (made[:, 1] - made[:, 0]) * rng.random((count, 1)) + rng.normal(size=(count, 3)) * 1e-3
+        )
     if kind == "on planes":
         made = np.round(made * 2) / 2
     if kind == "level":

@@ -51,7 +51,9 @@ def test_memory_that_was_used_before_does_not_show(gpu: GpuContext) -> None:
     made = glossy_room()
     first = fresh(gpu, made)
     held = [gpu.texture("test", (1024, 1024), 4, "f4", np.full((1024, 1024, 4), np.nan, np.float32)) for _ in range(4)]
-    held += [gpu.texture("test", (4096, k), 4, "f4", np.full((k, 4096, 4), np.nan, np.float32)) for k in (1, 1, 1, 2, 2, 4)]
+    held += [
+        gpu.texture("test", (4096, k), 4, "f4", np.full((k, 4096, 4), np.nan, np.float32)) for k in (1, 1, 1, 2, 2, 4)
+    ]
     held += [gpu.texture("test", SIZE, 4, "f4", np.full((*SIZE, 4), np.nan, np.float32)) for _ in range(12)]
     gpu.submit()
     gpu.free(*held)
@@ -81,7 +83,9 @@ def test_another_seed_gives_another_picture(gpu: GpuContext) -> None:
         ("size", set(), {"materials", "geometry", "voxelize", "link", "inject", "bounce"}),
     ],
 )
-def test_only_what_depends_on_a_change_is_done_again(change: str, again: set[str], kept: set[str], gpu: GpuContext) -> None:
+def test_only_what_depends_on_a_change_is_done_again(
+    change: str, again: set[str], kept: set[str], gpu: GpuContext
+) -> None:
     made, settings = glossy_room(), SETTINGS
     changed, other_settings = made, settings
     if change == "light":
@@ -186,7 +190,15 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "transform", "work", "voxel_mark", "voxel_pairs", "voxel_accumulate", "voxel_resolve", "voxel_sites", "inject",
         "link", "bounce", "pixel_bins", "surface", "light_shapes", "direct", "gather", "compose",
     }  # fmt: skip
-    for absent in ("face emission", "cell opacities", "sky light of faces", "world", "cone levels", "image textures", "samplers"):
+    for absent in (
+        "face emission",
+        "cell opacities",
+        "sky light of faces",
+        "world",
+        "cone levels",
+        "image textures",
+        "samplers",
+    ):
         assert absent not in memory
 
 

@@ -69,7 +69,8 @@ def everything() -> SceneData:
     )
     made = scenes.scene(
         (scenes.plane(3.0), textured(2)), (scenes.plane(1.0), textured(5), scenes.at(0.4, 0.0, 0.6)),
-        (painted(scenes.box()), paint, scenes.at(-0.6, 0.4, 0.3, 0.3)), (scenes.sphere(0.3, 8), textured(3), scenes.at(0.5, 0.6, 0.4)),
+        (painted(scenes.box()), paint, scenes.at(-0.6, 0.4, 0.3, 0.3)),
+        (scenes.sphere(0.3, 8), textured(3), scenes.at(0.5, 0.6, 0.4)),
         (scenes.plane(0.3), scenes.principled(0.5, Alpha=0.5), scenes.at(-0.3, -0.4, 0.8)),
         lights=[
             scenes.light(LightKind.POINT, 2.0, (0.0, 0.0, 2.0), radius=0.3, soft_falloff=False),
@@ -130,7 +131,8 @@ def test_more_images_than_units(gpu: GpuContext) -> None:
         mixes += [images[k], node(f"M{k}", "MixRGB", Fac=0.5, Color1=chain, Color2=f"T{k}.Color")]
         chain = f"M{k}.Color"
     made = scenes.scene(
-        (scenes.plane(2.0), material(*mixes, node("D", "BsdfDiffuse", Color=chain), surface="D.BSDF")), world=scenes.world(1.0)
+        (scenes.plane(2.0), material(*mixes, node("D", "BsdfDiffuse", Color=chain), surface="D.BSDF")),
+        world=scenes.world(1.0),
     )
     with pipeline(gpu, made, scenes.settings(8), (8, 8), samples=1) as ready:
         assert ready.film.read("combined")[..., :3].max() > 0.5
@@ -143,7 +145,9 @@ def test_bindings_are_named() -> None:
         text = path.read_text(encoding="utf-8")
         assert not re.search(r"binding\s*=\s*\d", text), path
         for line in text.splitlines():
-            declares = re.search(r"uniform\s+(?:\w+\s+)*[iu]?(?:sampler|image)[123]D", line) or re.search(r"\bbuffer\s+\w+\s*\{", line)
+            declares = re.search(r"uniform\s+(?:\w+\s+)*[iu]?(?:sampler|image)[123]D", line) or re.search(
+                r"\bbuffer\s+\w+\s*\{", line
+            )
             if declares and not line.strip().startswith("//"):
                 assert "binding" in line, f"{path}: {line}"
 
@@ -237,5 +241,20 @@ def test_another_compiler_notices_mistakes(tmp_path: Path) -> None:
     if validator is None:
         pytest.skip("there is no glslangValidator")
     path = tmp_path / "bad.comp"
-    path.write_text(resolve("passes/transform.comp.glsl", {}).text.replace("uniform uint triangle_count;", ""), encoding="utf-8")
+    path.write_text(
+        resolve("passes/transform.comp.glsl", {}).text.replace("uniform uint triangle_count;", ""), encoding="utf-8"
+    )
     assert subprocess.run([validator, str(path)], capture_output=True, check=False).returncode != 0
+
+
+@pytest.mark.last
+def test_conditions_ask_for_what_is_defined() -> None:
+    """GLSL 4.30, 3.3: an undefined name in #if is an error, not 0. Few compilers say so."""
+    assert len(SHADER_VARIANTS) > 5, "run together with the tests that compile shaders"
+    found = set()
+    for (_, text), name in SHADER_VARIANTS.items():
+        defined = {"__VERSION__", "GL_core_profile", *re.findall(r"^\s*#define\s+(\w+)", text, re.MULTILINE)}
+        for condition in re.findall(r"^\s*#(?:el)?if\s+(.*)$", text, re.MULTILINE):
+            names = set(re.findall(r"[A-Za-z_]\w*", re.sub(r"//.*|defined\s*\(?\s*\w+\s*\)?", "", condition)))
+            found |= {f"{name}: {missing}" for missing in names - defined}
+    assert not found, "\n".join(sorted(found))

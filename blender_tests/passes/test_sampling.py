@@ -45,7 +45,7 @@ def test_packed_normals_are_those_of_the_shaders() -> None:
 
 
 def test_cosine_directions(gpu: GpuContext) -> None:
-    """Unit, above the surface, mean cosine 2/3, mean squared 1/2, no side preferred: for a normal in every direction."""
+    """Unit, above the surface, mean cosine 2/3, mean squared 1/2, no side preferred: for normals all around."""
     u = np.random.default_rng(1).random((COUNT, 2))
     for normal in (*np.eye(3), *-np.eye(3), np.array([0.6, -0.48, -0.64])):
         made = sampled(gpu, np.broadcast_to(normal, (COUNT, 3)), u)[:, :3]

@@ -16,8 +16,14 @@ SIZE = 24
 
 
 def shoot(
-    gpu: GpuContext, found: VoxelData, origins: np.ndarray, directions: np.ndarray, limit: float | np.ndarray = 1e30, *,
-    any_hit: bool = False, mask: RayVisibility = RayVisibility.ALL,
+    gpu: GpuContext,
+    found: VoxelData,
+    origins: np.ndarray,
+    directions: np.ndarray,
+    limit: float | np.ndarray = 1e30,
+    *,
+    any_hit: bool = False,
+    mask: RayVisibility = RayVisibility.ALL,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Distance, triangle (-1: none), normal and cell of each ray."""
     rays = np.zeros((len(origins), 8), np.float32)
@@ -117,7 +123,9 @@ def test_partly_transparent_surfaces_stop_their_share(gpu: GpuContext) -> None:
     origins = np.random.default_rng(2).uniform(1.5, 6.5, (count, 3))
     origins[:, 2] = 7.1
     directions = np.broadcast_to([0.0, 0.0, -1.0], (count, 3))
-    with voxelized(gpu, scenes.scene((scenes.plane(20.0, 3.4), scenes.principled(0.8, Alpha=0.3))), unit_grid(8)) as found:
+    with voxelized(
+        gpu, scenes.scene((scenes.plane(20.0, 3.4), scenes.principled(0.8, Alpha=0.3))), unit_grid(8)
+    ) as found:
         assert found.voxels.cell_opacities is not None
         nearest = shoot(gpu, found, origins, directions)[1] >= 0
         assert nearest.mean() == pytest.approx(0.3, abs=0.03)

@@ -48,7 +48,7 @@ vec4 trace_cone(Cone cone)
             // The facing that looks against the cone.
             bool negative = cone.direction[axis] > 0.0;
             float facing_normal = negative ? -cone.normal[axis] : cone.normal[axis];
-            // Both sides of a sheet are in the same cells: the receiver's own back must not count where the filter reaches it.
+            // Both sides of a sheet are in the same cells: the receiver's own back must not count near it.
             float keep = height < 2.0 * side && facing_normal < 0.0 ? 1.0 + facing_normal : 1.0;
             vec3 at = clamp(p, vec3(0.0), box);
             at.z += float((2 * axis + (negative ? 1 : 0)) * cone_stride) * cone_cell;

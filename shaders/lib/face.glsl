@@ -22,5 +22,6 @@ void fetch_face_place(uint face, out vec3 position, out vec3 normal)
 // rgb: reflectance, diffuse and specular together, as a Lambertian; a: area that faces this way, in sides of cells.
 vec4 fetch_face_reflectance(uint face)
 {
-    return texelFetch(face_reflectance_tex, list_texel(face), 0);
+    vec4 stored = texelFetch(face_reflectance_tex, list_texel(face), 0);
+    return vec4(stored.rgb, stored.a * stored.a * MAX_FACE_WEIGHT);  // the root keeps small weights apart
 }

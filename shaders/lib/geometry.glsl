@@ -84,7 +84,8 @@ ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float fo
     p.incoming_ws = incoming;
     p.object_random = instance.random;
     p.object_index = instance.object_index;
-    p.object_position_ws = vec3(0.0);
+    p.object_position_ws = vec3(instance.grid_from_object_x.w, instance.grid_from_object_y.w,
+                                instance.grid_from_object_z.w) * cell_size + grid_origin_ws;
 
     vec3 face_cross = cross(t.edge_1, t.edge_2) * (instance.mirrored != 0u ? -1.0 : 1.0);
     p.geometric_normal_ws = normalize(face_cross);

@@ -191,7 +191,8 @@ void visit_cells(uint triangle_index, uint item)
             }
             vec3 u = a - base, v = b - base, w = c - base;
             // Where an outline passes a cell at a distance, its segments cancel but for their rounding.
-            if (area < 1e-4 && (is_apart(u.xy, v.xy, w.xy) || is_apart(u.yz, v.yz, w.yz) || is_apart(u.zx, v.zx, w.zx))) {
+            if (area < 1e-4 &&
+                (is_apart(u.xy, v.xy, w.xy) || is_apart(u.yz, v.yz, w.yz) || is_apart(u.zx, v.zx, w.zx))) {
                 continue;
             }
             vec2 centre = clamp(sums.yz / sums.x, 0.0, 1.0);

@@ -41,6 +41,9 @@ void main()
         vec3 camera_origin, direction;
         camera_ray(at, camera_origin, direction);
         vec3 origin = p.position + p.geometric_normal * RAY_START;
+#if HAS_GLOSSY
+        vec3 glossy_normal = valid_reflection_normal(p.geometric_normal, -direction, p.normal);
+#endif
         uint pixel_seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
         for (uint k = 0u; k < light_count; ++k) {
             Light light = fetch_light(lights_tex, k);
@@ -55,7 +58,7 @@ void main()
 #if HAS_GLOSSY
             // Small lights are found here, lights wider than the lobe by the glossy ray of the gather.
             if ((light.flags & RAY_GLOSSY) != 0u && light_half_angle(light, origin) <= glossy_half_angle(p.alpha)) {
-                on_glossy = s.irradiance * ggx_reflection(p.normal, -direction, s.direction, p.alpha, p.f0, p.f90);
+                on_glossy = s.irradiance * ggx_reflection(glossy_normal, -direction, s.direction, p.alpha, p.f0, p.f90);
             }
 #endif
             if (max_component(on_diffuse + on_glossy) <= 0.0) {

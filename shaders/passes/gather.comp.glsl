@@ -104,12 +104,13 @@ void main()
             view = -view;
             float alpha = max(p.alpha * specular_aperture, 1e-4);
             vec3 t, b;
-            basis(p.normal, t, b);
-            vec3 view_t = vec3(dot(view, t), dot(view, b), max(dot(view, p.normal), 1e-3));
+            vec3 normal = valid_reflection_normal(p.geometric_normal, view, p.normal);
+            basis(normal, t, b);
+            vec3 view_t = vec3(dot(view, t), dot(view, b), max(dot(view, normal), 1e-3));
             vec3 h = sample_visible_normal(normalize(view_t), alpha, sample_2d(sample_index, hash(seed, 2u)));
-            vec3 half_vector = t * h.x + b * h.y + p.normal * h.z;
+            vec3 half_vector = t * h.x + b * h.y + normal * h.z;
             vec3 direction = reflect(-view, half_vector);
-            float n_l = dot(direction, p.normal);
+            float n_l = dot(direction, normal);
             if (n_l > 0.0 && dot(direction, p.geometric_normal) > 0.0) {
                 float n_v = view_t.z;
                 vec3 weight = fresnel(p.f0, p.f90, max(dot(view, half_vector), 0.0)) *

@@ -30,8 +30,10 @@ void main()
     uint first = 0u;
     for (uint batch = 0u; batch < batch_count; ++batch) {
         uint count = counters[batch];
-        bins[5u * batch] = (count + uint(GROUP_SIZE) - 1u) / uint(GROUP_SIZE);
-        bins[5u * batch + 1u] = 1u;
+        // As Kernel.run_list: no axis may have more than 65535 groups.
+        uint groups = (count + uint(GROUP_SIZE) - 1u) / uint(GROUP_SIZE);
+        bins[5u * batch] = min(groups, 32768u);
+        bins[5u * batch + 1u] = (groups + 32767u) / 32768u;
         bins[5u * batch + 2u] = 1u;
         bins[5u * batch + 3u] = first;
         bins[5u * batch + 4u] = count;

@@ -13,7 +13,7 @@ layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
 layout(std430, binding = BUF_SUMS) readonly buffer Sums { uint sums[]; };
 layout(std430, binding = BUF_WORK) readonly buffer CellPositions { uint cell_positions[]; };  // x | y << 11 | z << 22
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
-layout(binding = IMG_1, rgba16f) writeonly uniform image2D reflectance_img;
+layout(binding = IMG_1, rgba16) writeonly uniform image2D reflectance_img;
 #if HAS_EMISSION
 layout(binding = IMG_2, rgba32f) writeonly uniform image2D emission_img;
 #endif
@@ -21,12 +21,10 @@ layout(binding = IMG_2, rgba32f) writeonly uniform image2D emission_img;
 uniform uint cell_count;
 uniform uint sum_words;
 
-const float MAX_WEIGHT = 1000.0;  // layers of surface in one cell; half floats hold it
-
 struct Face {
     vec3 position;
     vec3 normal;
-    vec4 reflectance;  // a: weight
+    vec4 reflectance;  // a: as stored
     vec3 emission;
 };
 
@@ -37,7 +35,7 @@ Face mean_face(uint face, uint facing, vec3 corner, float total)
     uint at = face * sum_words;
     float inverse = 1.0 / total;
     result.reflectance.rgb = vec3(sums[at + 1u], sums[at + 2u], sums[at + 3u]) * inverse;
-    result.reflectance.a = min(total / FIXED_ONE, MAX_WEIGHT);
+    result.reflectance.a = sqrt(min(total / (FIXED_ONE * MAX_FACE_WEIGHT), 1.0));
     result.position = corner + vec3(sums[at + 4u], sums[at + 5u], sums[at + 6u]) * inverse;
     result.normal = facing_vector(facing);
     result.emission = vec3(0.0);

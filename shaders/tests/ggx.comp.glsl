@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The GGX lobe for a list of (cosine of the viewer, roughness, u).    White: f0 = f90 = 1.
-// Output: (sampled direction, its weight), (BRDF times cosine over the pdf of a direction with cosine u.x, even in angle
+// Output: (sampled direction, its weight), (BRDF times cosine over the pdf of a direction of cosine u.x, even in angle
 // u.y; albedo as lib/closure.glsl fits it; 0, 0).
 
 #include "lib/closure.glsl"

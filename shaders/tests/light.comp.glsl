@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light 0 of lib/light.glsl seen from a list of (position in cells, 0), (direction, 0), (u, 0, 0).
-// Output: (sampled direction, distance in cells), (irradiance, half angle), (radiance along the given direction, distance).
+// Output: (sampled direction, distance in cells), (irradiance, half angle), (radiance along the direction, distance).
 
 #include "lib/light.glsl"
 

@@ -34,10 +34,10 @@ _ALPHA_MODES = {
 
 
 class ImageReader:
-    """Reads images once each. Lives for one extraction."""
+    """Reads images once each, and adds what the user should know to ``warnings``. Lives for one extraction."""
 
-    def __init__(self) -> None:
-        self.warnings: list[str] = []
+    def __init__(self, warnings: list[str]) -> None:
+        self.warnings = warnings
         self._sets: dict[int, ImageSet] = {}
 
     def read(self, image: bpy.types.Image) -> ImageSet:

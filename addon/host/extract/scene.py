@@ -53,7 +53,7 @@ def _converters(
     from .image import ImageReader
     from .material import extract_material, extract_world
 
-    images = ImageReader()
+    images = ImageReader(warnings)
     return (
         lambda material: extract_material(material, images, warnings),
         lambda world: extract_world(world, images, warnings),

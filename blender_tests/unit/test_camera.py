@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rays of pixels against the projection matrix, and where in the pixel passes sample."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from addon.camera import CameraRays, pixel_offset
+from addon.grid import VoxelGrid
+from addon.scene import CameraData
+from blender_tests.passes import scenes
+
+GRID = VoxelGrid((-4.0, 1.0, 2.5), 0.37, (16, 16, 16))
+SIZE = (40, 30)
+
+
+def shifted(made: CameraData) -> CameraData:
+    """Lens shift: the third column in perspective, the fourth in orthographic."""
+    clip = made.clip_from_camera.copy()
+    column = 2 if clip[3, 2] else 3
+    clip[0, column] += 0.3
+    clip[1, column] -= 0.2
+    return dataclasses.replace(made, clip_from_camera=clip)
+
+
+CAMERAS = {
+    "perspective": scenes.camera((3.0, -2.0, 5.0), (0.1, 0.2, 0.3), aspect=4 / 3),
+    "orthographic": scenes.camera((3.0, -2.0, 5.0), (0.1, 0.2, 0.3), width=6.0, aspect=4 / 3),
+}
+CAMERAS |= {f"{name} shifted": shifted(made) for name, made in CAMERAS.items()}
+CAMERAS |= {
+    f"{name} border": dataclasses.replace(made, border=(0.25, 0.5, 0.75, 0.9)) for name, made in CAMERAS.items()
+}
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_points_on_a_ray_project_into_its_pixel(name: str) -> None:
+    made = CAMERAS[name]
+    rays = CameraRays.of(made, GRID, SIZE)
+    clip_from_world = made.clip_from_camera @ np.linalg.inv(made.world_from_camera)
+    x0, y0, x1, y1 = made.border
+    for pixel in ((0, 0), (39, 29), (17, 4)):
+        for offset in ((0.5, 0.5), (0.1, 0.9)):
+            u, v = pixel[0] + offset[0], pixel[1] + offset[1]
+            origin = rays.origin[0] + rays.origin[1] * u + rays.origin[2] * v
+            direction = rays.direction[0] + rays.direction[1] * u + rays.direction[2] * v
+            direction = direction / np.linalg.norm(direction)
+            for distance in (3.0, 20.0):
+                world = (origin + direction * distance) * GRID.cell_size + GRID.origin
+                clip = clip_from_world @ [*world, 1.0]
+                frame = 0.5 + 0.5 * clip[:2] / clip[3]  # 0..1 of the whole frame
+                np.testing.assert_allclose(
+                    frame, [x0 + (x1 - x0) * u / SIZE[0], y0 + (y1 - y0) * v / SIZE[1]], atol=1e-9
+                )
+                # And the matrix that rasterizes puts it at the pixel's centre.
+                raster = rays.raster_matrix(offset) @ [*(origin + direction * distance), 1.0]
+                pixels = (0.5 + 0.5 * raster[:2] / raster[3]) * SIZE
+                np.testing.assert_allclose(pixels, np.add(pixel, 0.5), atol=1e-6)
+            assert direction @ rays.forward > 0
+
+
+@pytest.mark.parametrize("name", CAMERAS)
+def test_uniforms(name: str) -> None:
+    uniforms = CameraRays.of(CAMERAS[name], GRID, SIZE).uniforms((0.25, 0.75))
+    assert uniforms["picture_size"] == SIZE and uniforms["pixel_offset"] == (0.25, 0.75)
+    assert all(len(uniforms[key]) == 3 for key in uniforms if key.startswith("ray_"))
+
+
+def test_offsets_follow_the_filter() -> None:
+    """Blackman-Harris window, zero at its width from the middle: centred, with its variance."""
+    width = 1.5
+    offsets = np.array([pixel_offset(k, width) for k in range(4096)]) - 0.5
+    assert np.abs(offsets).max() <= width
+    np.testing.assert_allclose(offsets.mean(axis=0), 0.0, atol=2e-3)
+    x = np.linspace(-1.0, 1.0, 20001)
+    window = sum(a * np.cos(np.pi * k * x) for k, a in enumerate((0.35875, 0.48829, 0.14128, 0.01168)))
+    variance = (window * x**2).sum() / window.sum() * width**2
+    np.testing.assert_allclose(offsets.var(axis=0), variance, rtol=0.01)
+    assert pixel_offset(7, 0.0) == (0.5, 0.5)

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Where the grid lies, how fine it is, and what that costs."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from addon.gpu.interface import BRICK
+from addon.grid import MARGIN, VoxelGrid, choose_resolution, estimate_memory, scene_bounds, surface_area
+from addon.settings import Settings
+from blender_tests.passes import scenes
+
+
+@pytest.mark.parametrize("extent", [(2.0, 2.0, 2.0), (10.0, 3.0, 0.5), (0.0, 4.0, 0.0), (1e-4, 1e-4, 1e-4)])
+@pytest.mark.parametrize("centre", [(0.0, 0.0, 0.0), (1e6, -2e5, 3.0)])
+@pytest.mark.parametrize("resolution", [8, 64, 333])
+def test_around(extent: tuple[float, ...], centre: tuple[float, ...], resolution: int) -> None:
+    """Cubic cells, whole bricks, the bounds inside with a margin of at least one cell."""
+    bounds = np.array([np.subtract(centre, np.divide(extent, 2)), np.add(centre, np.divide(extent, 2))])
+    grid = VoxelGrid.around(bounds, resolution)
+    assert all(side % BRICK == 0 and side >= BRICK for side in grid.size)
+    at = (np.concatenate([bounds, np.ones((2, 1))], axis=1) @ grid.grid_from_world.T)[:, :3]
+    assert (at[0] > 1.0).all() and (at[1] < np.array(grid.size) - 1.0).all()
+    cells = max(bounds[1] - bounds[0]) / grid.cell_size + 2 * MARGIN
+    assert cells <= resolution + 1e-3
+
+
+def test_a_point_and_nothing() -> None:
+    grid = VoxelGrid.around(np.zeros((2, 3)), 64)
+    assert grid.cell_size > 0 and min(grid.size) >= BRICK
+    assert np.isfinite(grid.grid_from_world).all()
+    assert scene_bounds(scenes.scene()) is None
+    assert choose_resolution(scenes.scene(), Settings()) >= 8
+    empty = scenes.mesh(np.zeros((0, 3)), np.zeros((0, 3)))
+    assert scene_bounds(scenes.scene((empty, scenes.diffuse()))) is None
+
+
+def test_grid_from_world() -> None:
+    grid = VoxelGrid((1.0, 2.0, 3.0), 0.5, (8, 8, 8))
+    np.testing.assert_allclose(grid.grid_from_world @ [2.0, 2.0, 4.0, 1.0], [2.0, 0.0, 2.0, 1.0])
+    assert grid.bricks == (2, 2, 2)
+
+
+def test_bounds_hold_every_instance() -> None:
+    """Transformed boxes of meshes; unused vertices do not count."""
+    shape = scenes.box()
+    loose = dataclasses.replace(shape, positions=np.concatenate([shape.positions, [[90, 90, 90]]]).astype(np.float32))
+    turned = np.eye(4)
+    turned[:2, :2] = [[0, -1], [1, 0]]
+    made = scenes.scene(
+        (loose, scenes.diffuse(), scenes.at(5.0, 0.0, 0.0, (2.0, 1.0, 1.0))), (shape, scenes.diffuse(), turned)
+    )
+    np.testing.assert_allclose(scene_bounds(made), [[-1, -1, -1], [7, 1, 1]])
+
+
+def test_area() -> None:
+    """A box of side 2: 24 m2; scaled by 3: nine times as much."""
+    shape, surface = scenes.box(), scenes.diffuse()
+    made = scenes.scene(
+        (shape, surface), (shape, surface, scenes.at(scale=3.0)), (shape, surface, scenes.at(scale=(1, 1, -1)))
+    )
+    assert surface_area(made) == pytest.approx(24.0 * 11, rel=1e-5)
+
+
+def test_automatic_resolution_fits_the_budget() -> None:
+    """More memory, finer cells; what is chosen is estimated to fit; off: as set."""
+    made = scenes.scene((scenes.box((-10, -10, -2), (10, 10, 2)), scenes.diffuse()))
+    chosen = [choose_resolution(made, Settings(memory_budget=budget)) for budget in (16, 64, 256, 1024)]
+    assert chosen == sorted(chosen) and chosen[0] < chosen[-1]
+    area = surface_area(made)
+    for budget, resolution in zip((16, 64, 256, 1024), chosen, strict=True):
+        assert estimate_memory(resolution, (20.0, 20.0, 4.0), area, 8) <= budget * 2**20 or resolution <= 16
+    assert choose_resolution(made, Settings(voxel_auto=False, voxel_resolution=77)) == 77
+
+
+def test_memory_grows_with_the_square() -> None:
+    one, two = (estimate_memory(n, (2.0, 2.0, 2.0), 24.0, 8) for n in (128, 256))
+    assert 3.5 < two / one < 5.0

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How occupied cells are numbered, and how far bricks are from them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from addon.gpu.interface import BRICK
+from addon.passes.voxelize import brick_distances, cell_positions, popcount
+
+
+def masks_of(cells: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:
+    """(B,) uint64: bit x + 4 y + 16 z of brick x + X (y + Y z)."""
+    masks = np.zeros(bricks[0] * bricks[1] * bricks[2], np.uint64)
+    for cell in cells:
+        brick, inside = np.divmod(cell, BRICK)
+        index = brick[0] + bricks[0] * (brick[1] + bricks[1] * brick[2])
+        masks[index] |= np.uint64(1) << np.uint64(inside[0] + 4 * inside[1] + 16 * inside[2])
+    return masks
+
+
+def test_popcount() -> None:
+    words = np.array([[0, 1, 2**64 - 1], [2**63, 0xF0F0, 2**32 - 1]], np.uint64)
+    np.testing.assert_array_equal(popcount(words), [[0, 1, 64], [1, 8, 32]])
+
+
+@pytest.mark.parametrize("bricks", [(1, 1, 1), (3, 2, 5)])
+def test_cells_are_numbered_brick_by_brick(bricks: tuple[int, int, int]) -> None:
+    rng = np.random.default_rng(0)
+    cells = np.unique(rng.integers(0, np.array(bricks) * BRICK, (60, 3)), axis=0)
+    packed = cell_positions(masks_of(cells, bricks), bricks)
+    found = np.stack([packed & 2047, packed >> 11 & 2047, packed >> 22], axis=1)
+    assert {tuple(cell) for cell in found} == {tuple(cell) for cell in cells}
+    brick, inside = np.divmod(found.astype(np.int64), BRICK)
+    order = (brick @ [1, bricks[0], bricks[0] * bricks[1]]) * 64 + inside @ [1, 4, 16]
+    assert (np.diff(order) > 0).all()
+
+
+def test_no_cells() -> None:
+    assert len(cell_positions(np.zeros(8, np.uint64), (2, 2, 2))) == 0
+
+
+def test_the_last_cell_of_the_largest_grid_fits() -> None:
+    """1023 in each axis: 11, 11 and 10 bits."""
+    masks = np.zeros(256 * 256 * 256, np.uint64)
+    masks[-1] = np.uint64(1) << np.uint64(63)
+    packed = int(cell_positions(masks, (256, 256, 256))[0])
+    assert (packed & 2047, packed >> 11 & 2047, packed >> 22) == (1023, 1023, 1023)
+
+
+def test_brick_distances() -> None:
+    """Against the distance to every occupied brick, and where there is none."""
+    rng = np.random.default_rng(4)
+    occupied = rng.random((5, 7, 9)) < 0.02
+    occupied[2, 3, 4] = True
+    every, at = np.argwhere(np.ones_like(occupied)), np.argwhere(occupied)
+    expected = np.abs(every[:, None] - at[None]).max(axis=2).min(axis=1).reshape(occupied.shape)
+    np.testing.assert_array_equal(brick_distances(occupied), expected)
+    assert (brick_distances(np.zeros((2, 2, 2), bool)) == 255).all()
+    far = np.zeros((1, 1, 300), bool)
+    far[0, 0, 0] = True
+    np.testing.assert_array_equal(brick_distances(far)[0, 0], np.minimum(np.arange(300), 255))
