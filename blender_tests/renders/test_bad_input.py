@@ -17,8 +17,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_tests.pictures import Picture, read
-from blender_tests.scenes import build, rendering
+from blender_tests.pictures import Picture, read  # noqa: E402
+from blender_tests.scenes import build, rendering  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = ["--resolution", "16x12", "--samples", "1", "--voxels", "16", "--set", "bounces=1"]

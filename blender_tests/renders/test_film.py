@@ -10,8 +10,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_tests.pictures import Picture, read, relative_mse
-from blender_tests.scenes import build, cornell, rendering, target
+from blender_tests.pictures import Picture, read, relative_mse  # noqa: E402
+from blender_tests.scenes import build, cornell, rendering, target  # noqa: E402
 
 RENDER = {"voxels": 16, "samples": 4, "use_indirect": False}
 

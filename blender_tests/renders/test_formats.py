@@ -14,8 +14,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy")
 
-from blender_tests.pictures import Picture, bias, read, relative_mse
-from blender_tests.scenes import build, textured
+from blender_tests.pictures import Picture, bias, read, relative_mse  # noqa: E402
+from blender_tests.scenes import build, textured  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
 SIZE = ["--resolution", "96x64"]
