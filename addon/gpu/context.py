@@ -102,6 +102,8 @@ class GpuContext:
             )
         mgl.error  # noqa: B018 - reading clears an error that was there before us
         self.no_groups = mgl.buffer(bytes(12))  # arguments of an indirect dispatch of nothing
+        # By ctypes, so that other threads of Python run meanwhile, Blender's interface among them; moderngl stops them.
+        self._finish = loader.current_context_loader().function("glFinish", None)
 
     # Contexts ---------------------------------------------------------------------------------------------------
 
@@ -285,7 +287,7 @@ class GpuContext:
 
     def submit(self) -> None:
         """Hand everything to the driver and wait: keeps a step's cost inside that step."""
-        self.mgl.finish()
+        self._finish()
 
     @contextlib.contextmanager
     def timed(self, name: str) -> Iterator[None]:
@@ -293,13 +295,13 @@ class GpuContext:
 
         Time that an inner ``timed`` counts is not counted again outside it.
         """
-        self.mgl.finish()
+        self._finish()
         self._inner_times.append([0.0, 0.0])
         cpu, wall = time.process_time(), time.perf_counter()
         try:
             yield
         finally:
-            self.mgl.finish()
+            self._finish()
             cpu, wall = (time.process_time() - cpu) * 1e3, (time.perf_counter() - wall) * 1e3
             inner = self._inner_times.pop()
             entry = self.times.setdefault(name, PassTime())

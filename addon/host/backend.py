@@ -6,6 +6,8 @@ from __future__ import annotations
 import ctypes
 import re
 import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import bpy
@@ -30,10 +32,7 @@ def backend_problem(backend: str, version: str) -> str | None:
     if backend == "METAL":
         return "Conelight needs OpenGL 4.3, and Blender has only Metal on this system: macOS is not supported."
     if backend == "VULKAN":
-        return (
-            "Conelight needs OpenGL, and Blender uses Vulkan: choose OpenGL in Preferences > System > Display Graphics "
-            "and restart Blender."
-        )
+        return None  # we make an OpenGL context of our own
     if backend not in ("OPENGL", "UNKNOWN"):
         return f"Conelight needs OpenGL 4.3, and Blender runs without it (graphics backend: {backend})."
     number = re.match(r"\s*(\d+)\.(\d+)", version)
@@ -64,6 +63,22 @@ def backend_in_use() -> tuple[str, str | None]:
     except SystemError:  # in background Blender has no graphics until something renders
         return "UNKNOWN", None
     return backend, backend_problem(backend, version)
+
+
+def has_own_context() -> bool:
+    """Whether renders make a GL context of their own, because Blender has none or needs it itself."""
+    return not bpy.app.background or backend_in_use()[0] == "VULKAN"
+
+
+def on_thread_of_context(work: Callable[[], bool]) -> bool:
+    """Calls ``work`` where its GL context can be made and used, and waits for it; raises what it raises.
+
+    A context of our own needs a thread of its own: made on one of Blender's it would take the place of Blender's.
+    """
+    if not has_own_context():
+        return work()
+    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="conelight") as pool:
+        return pool.submit(work).result()
 
 
 _background_has_gl: bool | None = None

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 
 from . import session
-from .backend import background_has_gl
+from .backend import background_has_gl, on_thread_of_context
 from .film import wanted_passes, write_passes
 from .session import Session
 
@@ -28,7 +28,7 @@ class ConelightEngine(bpy.types.RenderEngine):
     bl_idname = ENGINE_ID
     bl_label = "Conelight"
     bl_use_preview = True
-    bl_use_gpu_context = True  # see register()
+    bl_use_gpu_context = False  # see register()
     bl_use_eevee_viewport = True  # EEVEE serves Material Preview, as it does for Cycles
     bl_use_postprocess = True
     bl_use_shading_nodes_custom = False  # Blender's own shader nodes
@@ -67,15 +67,20 @@ class ConelightEngine(bpy.types.RenderEngine):
         result = self.begin_result(0, 0, self.resolution_x, self.resolution_y, layer=view_layer.name)
         finished = False
         try:
-            finished = self._render(depsgraph.scene, view_layer, result)
+            finished = on_thread_of_context(lambda: self._render(depsgraph.scene, view_layer, result))
         except (Exception, KeyboardInterrupt) as error:
             self._fail(error)
         finally:
             self.end_result(result, cancel=not finished)
-            self._release(keep=depsgraph.scene.render.use_persistent_data and bpy.app.background)
 
     def _render(self, scene: Any, view_layer: Any, result: Any) -> bool:
-        """Fills ``result``. Returns False when the user cancelled."""
+        """Fills ``result`` and frees GPU memory. Returns False when the user cancelled."""
+        try:
+            return self._fill(scene, view_layer, result)
+        finally:
+            self._release(keep=scene.render.use_persistent_data and ConelightEngine.bl_use_gpu_context)
+
+    def _fill(self, scene: Any, view_layer: Any, result: Any) -> bool:
         current = self._session
         assert current is not None
         film_passes = wanted_passes(view_layer)
@@ -127,10 +132,7 @@ class ConelightEngine(bpy.types.RenderEngine):
         self.error_set(session.last_error)
 
     def _release(self, keep: bool) -> None:
-        """Frees GPU memory, unless it is to be kept for the next frame.
-
-        Only in background do all renders have the same GL context; in a window the next one may have another.
-        """
+        """Frees GPU memory, unless it is to be kept for the next frame, which must have the same GL context."""
         if self._session is None or keep:
             return
         try:
@@ -153,8 +155,9 @@ def _on_render_init(*_: Any) -> None:
 
 
 def register() -> None:
-    # Blender crashes where an engine asks for a context and there is none; without one, rendering says so.
-    ConelightEngine.bl_use_gpu_context = not bpy.app.background or background_has_gl()
+    # In background all renders share Blender's context. Blender crashes where an engine asks for one and there is none.
+    # In a window Blender 5 draws nothing and hears no key as long as an engine has a context of Blender's.
+    ConelightEngine.bl_use_gpu_context = bpy.app.background and background_has_gl()
     bpy.utils.register_class(ConelightEngine)
     bpy.app.handlers.render_init.append(_on_render_init)
 

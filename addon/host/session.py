@@ -17,7 +17,7 @@ import numpy as np
 
 from ..scene import SceneData
 from ..settings import Settings
-from .backend import backend_in_use
+from .backend import backend_in_use, has_own_context
 from .changes import Change, changes_in
 from .properties import settings_from_scene
 
@@ -130,7 +130,8 @@ class Session:
 
         ``wanted``: names of passes. ``border``: part of the frame that the picture shows (x0, y0, x1, y1 in 0..1,
         origin bottom left), where it is not what the scene says. ``after_sample(samples)`` may read the film. Returns
-        False when ``step`` cancelled. Needs a current GL context, and leaves its state as it was.
+        False when ``step`` cancelled. To be called through :func:`on_thread_of_context`, as :meth:`release`; leaves
+        the state of a GL context of Blender's as it was.
         Raises GpuUnavailable, PipelineError, and RenderFailed when there is no scene.
         """
         if self.scene is None:
@@ -207,7 +208,7 @@ class Session:
             _, problem = backend_in_use()
             if problem is not None:
                 raise RenderFailed(problem)
-            self._context = GpuContext.attach()
+            self._context = GpuContext.standalone() if has_own_context() else GpuContext.attach()
             with self._context.guard():
                 self._pipeline = Pipeline(self._context)
 
