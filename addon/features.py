@@ -46,7 +46,11 @@ class Features:
         gather_cones = gather and settings.gather_mode == "CONES"
         visible = any(
             light.visibility & RayVisibility.CAMERA
-            and (light.radius > 0.0 or light.kind == LightKind.AREA or (light.kind == LightKind.SUN and light.angle > 0.0))
+            and (
+                light.radius > 0.0
+                or light.kind == LightKind.AREA
+                or (light.kind == LightKind.SUN and light.angle > 0.0)
+            )
             for light in scene.lights
         )
         return cls(

@@ -56,7 +56,11 @@ class VoxelGrid:
         cells = np.maximum(np.ceil(extent / cell_size + 2 * MARGIN - 1e-6), 1)  # rounding must not add a cell
         size = (np.ceil(cells / BRICK) * BRICK).astype(int)
         origin = 0.5 * (bounds[0] + bounds[1]) - 0.5 * cells * cell_size
-        return cls((float(origin[0]), float(origin[1]), float(origin[2])), cell_size, (int(size[0]), int(size[1]), int(size[2])))
+        return cls(
+            (float(origin[0]), float(origin[1]), float(origin[2])),
+            cell_size,
+            (int(size[0]), int(size[1]), int(size[2])),
+        )
 
 
 def scene_bounds(scene: SceneData) -> DoubleArray | None:
@@ -94,7 +98,7 @@ def surface_area(scene: SceneData) -> float:
 
 
 def estimate_memory(resolution: int, extent: tuple[float, float, float], area: float, link_count: int) -> int:
-    """Bytes that voxels take at ``resolution`` cells along the longest side of a scene with this extent (m) and area (m2).
+    """Bytes that voxels take at ``resolution`` cells along the longest side of a scene with this extent (m), area (m2).
 
     A surface of area A enters about 1.5 A / h^2 cells when it lies at an angle, and no more than there are.
     """

@@ -54,7 +54,9 @@ class _Memo:
 
     def stale(self, step: str, *inputs: Any) -> bool:
         old = self._keys.get(step)
-        same = old is not None and len(old) == len(inputs) and all(_same(a, b) for a, b in zip(old, inputs, strict=True))
+        same = (
+            old is not None and len(old) == len(inputs) and all(_same(a, b) for a, b in zip(old, inputs, strict=True))
+        )
         if not same:
             self._keys.pop(step, None)  # it is about to be redone, and may be interrupted
         return not same
@@ -142,8 +144,12 @@ class Pipeline:
         warnings += self._world.warnings
 
         features = Features.from_scene(
-            scene, settings, emission=materials.has_emission, transparency=materials.has_transparency,
-            specular=materials.has_specular, world=self._world.is_lit,
+            scene,
+            settings,
+            emission=materials.has_emission,
+            transparency=materials.has_transparency,
+            specular=materials.has_specular,
+            world=self._world.is_lit,
         )
         self.features = features
 
@@ -230,9 +236,7 @@ class Pipeline:
         index = self.film.samples
         offset = pixel_offset(index, scene.pixel_filter_width)
         camera = self._camera
-        surface = self._surface.run(
-            geometry, voxels, materials, self._materials, camera, offset, index, settings
-        )
+        surface = self._surface.run(geometry, voxels, materials, self._materials, camera, offset, index, settings)
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, camera, offset, settings)
         yield Progress(0.2, "Surfaces")
@@ -244,14 +248,30 @@ class Pipeline:
         if features.has_diffuse_gather or features.has_glossy:
             radiance = self._bounce.radiance[0] if features.needs_radiance else None
             for share in self._gather.run(
-                surface, voxels, radiance, self._lights, self._world, self._cones, camera, offset, index, features,
+                surface,
+                voxels,
+                radiance,
+                self._lights,
+                self._world,
+                self._cones,
+                camera,
+                offset,
+                index,
+                features,
                 settings,
             ):
                 yield Progress(0.4 + 0.5 * share, "Indirect light")
         self.film.add(
-            scene, surface, self._direct.pictures if features.has_direct else None,
+            scene,
+            surface,
+            self._direct.pictures if features.has_direct else None,
             self._gather.pictures if features.has_diffuse_gather or features.has_glossy else None,
-            self._world, camera, offset, geometry.grid, features, settings,
+            self._world,
+            camera,
+            offset,
+            geometry.grid,
+            features,
+            settings,
         )
         yield Progress(1.0, "Pass done")
 
@@ -280,8 +300,19 @@ class Pipeline:
     def release(self) -> None:
         """Free every GL object."""
         for part in (
-            self._surface, self._direct, self._gather, self._cones, self._bounce, self._inject, self._links, self._lights, self._world,
-            self._voxelize, self._geometry, self._materials, self.film,
+            self._surface,
+            self._direct,
+            self._gather,
+            self._cones,
+            self._bounce,
+            self._inject,
+            self._links,
+            self._lights,
+            self._world,
+            self._voxelize,
+            self._geometry,
+            self._materials,
+            self.film,
         ):
             part.release()
         self._memo = _Memo()

@@ -78,7 +78,9 @@ class Setting:
             raise ValueError(f"{self.name}: '{value}' is not {self._expected()}")
         if self.kind in (int, float):
             number = float(value)  # type: ignore[arg-type]
-            if not (self.lo is None or number >= self.lo) or not (self.hi is None or number <= self.hi):  # NaN is neither
+            if not (self.lo is None or number >= self.lo) or not (
+                self.hi is None or number <= self.hi
+            ):  # NaN is neither
                 raise ValueError(f"{self.name}: {value} is not {self._expected()}")
         return value
 
@@ -105,94 +107,204 @@ class Settings:
     """Values of all settings. The defaults are the preset *balanced*."""
 
     samples: int = _setting(
-        "Samples", 16, "Passes that are averaged into the picture. Noise falls with their square root.", Panel.SAMPLING,
-        lo=1, hi=65536, soft_hi=1024, cost="time grows in proportion",
+        "Samples",
+        16,
+        "Passes that are averaged into the picture. Noise falls with their square root.",
+        Panel.SAMPLING,
+        lo=1,
+        hi=65536,
+        soft_hi=1024,
+        cost="time grows in proportion",
     )
     rays: int = _setting(
-        "Rays per Pass", 4, "Diffuse directions gathered at each pixel in each pass.", Panel.SAMPLING,
-        lo=1, hi=64, soft_hi=16, cost="gather time grows in proportion",
+        "Rays per Pass",
+        4,
+        "Diffuse directions gathered at each pixel in each pass.",
+        Panel.SAMPLING,
+        lo=1,
+        hi=64,
+        soft_hi=16,
+        cost="gather time grows in proportion",
     )
     seed: int = _setting(
-        "Seed", 0, "Another seed gives another, equally good, pattern of noise.", Panel.SAMPLING, lo=0, hi=2**31 - 1,
+        "Seed",
+        0,
+        "Another seed gives another, equally good, pattern of noise.",
+        Panel.SAMPLING,
+        lo=0,
+        hi=2**31 - 1,
     )
     clamp_indirect: float = _setting(
-        "Clamp Indirect", 0.0, "Largest radiance that one indirect sample may bring, in W/(m2 sr). 0 does not clamp. "
-        "Removes bright specks, and with them some light.", Panel.SAMPLING, lo=0.0, hi=1e6,
+        "Clamp Indirect",
+        0.0,
+        "Largest radiance that one indirect sample may bring, in W/(m2 sr). 0 does not clamp. "
+        "Removes bright specks, and with them some light.",
+        Panel.SAMPLING,
+        lo=0.0,
+        hi=1e6,
     )
     voxel_auto: bool = _setting(
-        "Automatic", True, "Choose the voxel resolution from the scene's extent and the memory budget.", Panel.VOXELS,
+        "Automatic",
+        True,
+        "Choose the voxel resolution from the scene's extent and the memory budget.",
+        Panel.VOXELS,
     )
     voxel_resolution: int = _setting(
-        "Resolution", 128, "Voxels along the longest side of the scene, when not automatic.", Panel.VOXELS,
-        lo=8, hi=1024, soft_hi=512, cost="memory and voxel time grow with its square",
+        "Resolution",
+        128,
+        "Voxels along the longest side of the scene, when not automatic.",
+        Panel.VOXELS,
+        lo=8,
+        hi=1024,
+        soft_hi=512,
+        cost="memory and voxel time grow with its square",
     )
     memory_budget: int = _setting(
-        "Memory Budget", 64, "Most memory that voxels may take when the resolution is automatic.", Panel.VOXELS,
-        lo=4, hi=65536, soft_hi=4096, unit=Unit.MEBIBYTE,
+        "Memory Budget",
+        64,
+        "Most memory that voxels may take when the resolution is automatic.",
+        Panel.VOXELS,
+        lo=4,
+        hi=65536,
+        soft_hi=4096,
+        unit=Unit.MEBIBYTE,
     )
     bounces: int = _setting(
-        "Bounces", 64, "Most times that light is passed between voxels before the picture gathers it; it stops sooner "
-        "when nothing changes any more. 0: only what lights reach directly.", Panel.LIGHT, lo=0, hi=1024, soft_hi=128,
+        "Bounces",
+        64,
+        "Most times that light is passed between voxels before the picture gathers it; it stops sooner "
+        "when nothing changes any more. 0: only what lights reach directly.",
+        Panel.LIGHT,
+        lo=0,
+        hi=1024,
+        soft_hi=128,
         cost="little: visibility is found once for all bounces",
     )
     bounce_rays: int = _setting(
-        "Rays per Bounce", 8, "Directions in which each voxel face sees others; rounded up to a multiple of four.", Panel.LIGHT,
-        lo=1, hi=256, soft_hi=64, cost="voxel time grows in proportion",
+        "Rays per Bounce",
+        8,
+        "Directions in which each voxel face sees others; rounded up to a multiple of four.",
+        Panel.LIGHT,
+        lo=1,
+        hi=256,
+        soft_hi=64,
+        cost="voxel time grows in proportion",
     )
     use_direct: bool = _setting("Direct", True, "Light that comes straight from lights.", Panel.LIGHT)
-    direct_amount: float = _setting("Direct Amount", 1.0, "Factor on direct light.", Panel.LIGHT, lo=0.0, hi=10.0, soft_hi=2.0)
-    use_indirect: bool = _setting("Diffuse Indirect", True, "Light bounced off surfaces, and from the world.", Panel.LIGHT,
-                                  cost="most of the time of a pass")
-    indirect_amount: float = _setting("Indirect Amount", 1.0, "Factor on diffuse indirect light.", Panel.LIGHT, lo=0.0, hi=10.0, soft_hi=2.0)
-    use_specular: bool = _setting("Specular", True, "Reflections of lights and surroundings.", Panel.LIGHT,
-                                  cost="one more direction for each pixel and pass")
-    specular_amount: float = _setting("Specular Amount", 1.0, "Factor on reflections.", Panel.LIGHT, lo=0.0, hi=10.0, soft_hi=2.0)
+    direct_amount: float = _setting(
+        "Direct Amount", 1.0, "Factor on direct light.", Panel.LIGHT, lo=0.0, hi=10.0, soft_hi=2.0
+    )
+    use_indirect: bool = _setting(
+        "Diffuse Indirect",
+        True,
+        "Light bounced off surfaces, and from the world.",
+        Panel.LIGHT,
+        cost="most of the time of a pass",
+    )
+    indirect_amount: float = _setting(
+        "Indirect Amount", 1.0, "Factor on diffuse indirect light.", Panel.LIGHT, lo=0.0, hi=10.0, soft_hi=2.0
+    )
+    use_specular: bool = _setting(
+        "Specular",
+        True,
+        "Reflections of lights and surroundings.",
+        Panel.LIGHT,
+        cost="one more direction for each pixel and pass",
+    )
+    specular_amount: float = _setting(
+        "Specular Amount", 1.0, "Factor on reflections.", Panel.LIGHT, lo=0.0, hi=10.0, soft_hi=2.0
+    )
     specular_aperture: float = _setting(
-        "Specular Aperture", 1.0, "Factor on the width of reflections. 1 follows the roughness; small values make "
-        "everything a mirror.", Panel.LIGHT, lo=0.0, hi=4.0, soft_hi=2.0,
+        "Specular Aperture",
+        1.0,
+        "Factor on the width of reflections. 1 follows the roughness; small values make everything a mirror.",
+        Panel.LIGHT,
+        lo=0.0,
+        hi=4.0,
+        soft_hi=2.0,
     )
     light_falloff: float = _setting(
-        "Light Falloff", 2.0, "Exponent k of 1 / distance^k for point, spot and area lights. 2 is physical.", Panel.LIGHT,
-        lo=0.0, hi=4.0,
+        "Light Falloff",
+        2.0,
+        "Exponent k of 1 / distance^k for point, spot and area lights. 2 is physical.",
+        Panel.LIGHT,
+        lo=0.0,
+        hi=4.0,
     )
     max_distance: float = _setting(
-        "Maximum Distance", 0.0, "Farthest surface that indirect light and reflections are gathered from. 0: no limit.",
-        Panel.LIGHT, lo=0.0, hi=1e6, soft_hi=1000.0, unit=Unit.METRE,
+        "Maximum Distance",
+        0.0,
+        "Farthest surface that indirect light and reflections are gathered from. 0: no limit.",
+        Panel.LIGHT,
+        lo=0.0,
+        hi=1e6,
+        soft_hi=1000.0,
+        unit=Unit.METRE,
     )
-    use_shadows: bool = _setting("Shadows", True, "Lights cast shadows.", Panel.SHADOWS, cost="one ray for each light, pixel and pass")
-    shadow_amount: float = _setting("Shadow Amount", 1.0, "How dark shadows are. 1 is physical.", Panel.SHADOWS, lo=0.0, hi=1.0)
+    use_shadows: bool = _setting(
+        "Shadows", True, "Lights cast shadows.", Panel.SHADOWS, cost="one ray for each light, pixel and pass"
+    )
+    shadow_amount: float = _setting(
+        "Shadow Amount", 1.0, "How dark shadows are. 1 is physical.", Panel.SHADOWS, lo=0.0, hi=1.0
+    )
     shadow_mode: str = _setting(
-        "Shadow Method", "EXACT", "How shadows of lights are found.", Panel.SHADOWS,
+        "Shadow Method",
+        "EXACT",
+        "How shadows of lights are found.",
+        Panel.SHADOWS,
         choices=(
             ("EXACT", "Exact", "Rays to points on the light: shadows of the light's real size, exact at any distance"),
             ("CONE", "Cone", "One cone through the voxels: soft, fast, without noise, approximate"),
-        ), cost="cones need coarser voxel levels",
+        ),
+        cost="cones need coarser voxel levels",
     )
     shadow_cone_angle: float = _setting(
-        "Shadow Cone Angle", 0.0, "Full angle of shadow cones. 0 takes the light's own size as seen from the surface.",
-        Panel.SHADOWS, lo=0.0, hi=3.0, soft_hi=1.0, unit=Unit.RADIAN,
+        "Shadow Cone Angle",
+        0.0,
+        "Full angle of shadow cones. 0 takes the light's own size as seen from the surface.",
+        Panel.SHADOWS,
+        lo=0.0,
+        hi=3.0,
+        soft_hi=1.0,
+        unit=Unit.RADIAN,
     )
     gather_mode: str = _setting(
-        "Gather", "RAYS", "How indirect light is gathered.", Panel.LIGHT,
+        "Gather",
+        "RAYS",
+        "How indirect light is gathered.",
+        Panel.LIGHT,
         choices=(
             ("RAYS", "Rays", "Many narrow directions with exact visibility: converges to the right answer"),
             ("CONES", "Cones", "Few wide cones through prefiltered voxels: smooth at once, approximate"),
             ("OCCLUSION", "Ambient Occlusion", "No bounced light: the world, dimmed where surfaces are near"),
-        ), cost="cones need coarser voxel levels",
+        ),
+        cost="cones need coarser voxel levels",
     )
     ao_distance: float = _setting(
-        "Distance", 1.0, "Surfaces farther than this do not occlude, in mode Ambient Occlusion.", Panel.OCCLUSION,
-        lo=0.001, hi=1e5, soft_hi=10.0, unit=Unit.METRE,
+        "Distance",
+        1.0,
+        "Surfaces farther than this do not occlude, in mode Ambient Occlusion.",
+        Panel.OCCLUSION,
+        lo=0.001,
+        hi=1e5,
+        soft_hi=10.0,
+        unit=Unit.METRE,
     )
-    time_limit: float = _setting("Time Limit", 0.0, "Stop after this time with the passes done so far. 0: no limit.", Panel.PERFORMANCE,
-                                 lo=0.0, hi=1e6, soft_hi=3600.0, unit=Unit.SECOND)
+    time_limit: float = _setting(
+        "Time Limit",
+        0.0,
+        "Stop after this time with the passes done so far. 0: no limit.",
+        Panel.PERFORMANCE,
+        lo=0.0,
+        hi=1e6,
+        soft_hi=3600.0,
+        unit=Unit.SECOND,
+    )
 
     @classmethod
     def declarations(cls) -> dict[str, Setting]:
         """All settings by name, in the order of this file."""
-        return {
-            f.name: dataclasses.replace(f.metadata["setting"], name=f.name) for f in dataclasses.fields(cls)
-        }
+        return {f.name: dataclasses.replace(f.metadata["setting"], name=f.name) for f in dataclasses.fields(cls)}
 
     def with_values(self, **values: Any) -> Settings:
         """A copy with some values changed. Raises ValueError for an unknown name or a value out of range."""

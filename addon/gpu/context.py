@@ -201,8 +201,14 @@ class GpuContext:
         return self._track(name, self.mgl.buffer(data), len(data))
 
     def texture(
-        self, name: str, size: tuple[int, int], components: int, dtype: str, data: np.ndarray | None = None,
-        *, linear: bool = False,
+        self,
+        name: str,
+        size: tuple[int, int],
+        components: int,
+        dtype: str,
+        data: np.ndarray | None = None,
+        *,
+        linear: bool = False,
     ) -> moderngl.Texture:
         """A 2D texture; ``data`` (rows, columns, components) or undefined content."""
         raw = None if data is None else np.ascontiguousarray(data).tobytes()
@@ -222,7 +228,9 @@ class GpuContext:
         texture.repeat_x = texture.repeat_y = texture.repeat_z = False
         return self._track(name, texture, count * _BYTES[dtype])
 
-    def list_texture(self, name: str, count: int, components: int, dtype: str, data: np.ndarray | None = None) -> moderngl.Texture:
+    def list_texture(
+        self, name: str, count: int, components: int, dtype: str, data: np.ndarray | None = None
+    ) -> moderngl.Texture:
         """A 2D texture that holds a list of ``count`` texels (``list_texel()`` in the shaders)."""
         width = interface.LIST_WIDTH
         rows = max(1, -(-count // width))

@@ -38,8 +38,8 @@ MAX_FACE_WEIGHT = 16
 #: A face or a triangle that is not there.
 NONE_INDEX = 0xFFFFFFFF
 
-# Storage buffers. A compute shader may count on eight in GL 4.3. What inner loops read lies in textures instead: software
-# rasterizers fetch a texel five times faster than the same words of a buffer.
+# Storage buffers. A compute shader may count on eight in GL 4.3. What inner loops read lies in textures instead:
+# software rasterizers fetch a texel five times faster than the same words of a buffer.
 BUFFERS = (
     "BUF_INSTANCES",  # Instance[] (to transform triangles)
     "BUF_VERTICES",  # uint[3 T]: vertex of each triangle corner
@@ -54,7 +54,7 @@ BUFFERS = (
 # Texture units. GL 4.3 promises sixteen to a stage.
 TEXTURES = (
     "TEX_TRIANGLES",  # rgba32ui 2D, three texels a triangle: corner 0, edge 1, edge 2 in grid space; w: packed integers
-    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, index of the first cell, bricks to the nearest other
+    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, distance in bricks
     "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
     "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings and their sites
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
@@ -146,7 +146,9 @@ class Struct:
         lines = [f"struct {name} {{", *lines, "};", f"{name} fetch_{name.lower()}(usampler2D list, uint index)", "{"]
         for k in range(self.texels):
             at = f"index * {self.texels}u + {k}u"
-            lines.append(f"    uvec4 t{k} = texelFetch(list, ivec2(({at}) % uint(LIST_WIDTH), ({at}) / uint(LIST_WIDTH)), 0);")
+            lines.append(
+                f"    uvec4 t{k} = texelFetch(list, ivec2(({at}) % uint(LIST_WIDTH), ({at}) / uint(LIST_WIDTH)), 0);"
+            )
         lines.append(f"    {name} r;")
         dtype = self.dtype
         for field, kind, _ in self.fields:

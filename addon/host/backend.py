@@ -49,8 +49,8 @@ def backend_in_use() -> tuple[str, str | None]:
     if bpy.app.background and not background_has_gl():
         if _egl_makes_contexts(OLDER_VERSION):
             return "OPENGL", (
-                "Conelight needs OpenGL 4.3, and this graphics driver has an older one: update the driver or use another "
-                "graphics device."
+                "Conelight needs OpenGL 4.3, and this graphics driver has an older one: update the driver or use "
+                "another graphics device."
             )
         return "NONE", (
             "Conelight needs OpenGL 4.3, and this system cannot draw without a window: install or update the graphics "

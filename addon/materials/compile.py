@@ -109,9 +109,13 @@ def compile_materials(
         warnings += [message for message in messages if message not in warnings]
         compiled.append(
             CompiledMaterial(
-                material.name, families.setdefault(family, len(families)), parameters, _bindings(emitter, images),
-                tuple(emitter.uv_layers), tuple(emitter.color_layers),
-            )  # fmt: skip
+                material.name,
+                families.setdefault(family, len(families)),
+                parameters,
+                _bindings(emitter, images),
+                tuple(emitter.uv_layers),
+                tuple(emitter.color_layers),
+            )
         )
     return CompiledMaterials(list(families), compiled, images, warnings)
 

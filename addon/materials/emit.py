@@ -63,8 +63,8 @@ def mean_colour(image: ImageData) -> npt.NDArray[np.float64]:
 class Emitter:
     """Writes the statements of one function and remembers which slots they use.
 
-    ``prefix`` is 'material' or 'world': names of the textures and of the parameter function start with it. Images beyond
-    ``max_textures`` become their mean colour; their names are in ``left_out``.
+    ``prefix`` is 'material' or 'world': names of the textures and of the parameter function start with it. Images
+    beyond ``max_textures`` become their mean colour; their names are in ``left_out``.
     """
 
     prefix: str

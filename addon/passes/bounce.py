@@ -81,9 +81,7 @@ class BouncePass:
         """
         self.release()
         textures = 2 if links else 1
-        self.radiance = [
-            self.gpu.list_texture("face radiance", voxels.faces.count, 4, "f4") for _ in range(textures)
-        ]
+        self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 4, "f4") for _ in range(textures)]
         self.bounces = 0
         with self.gpu.timed("bounce"):
             self._pass(voxels, irradiance, None, self.radiance[0])
@@ -101,7 +99,9 @@ class BouncePass:
                     before = after
             yield self.bounces / settings.bounces
 
-    def _pass(self, voxels: Voxels, irradiance: moderngl.Texture, links: LinkPass | None, target: moderngl.Texture) -> None:
+    def _pass(
+        self, voxels: Voxels, irradiance: moderngl.Texture, links: LinkPass | None, target: moderngl.Texture
+    ) -> None:
         gpu, slot = self.gpu, interface.slot
         kernel = gpu.kernel(
             "bounce",

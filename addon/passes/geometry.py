@@ -162,7 +162,11 @@ class GeometryPass:
         return geometry
 
     def _transform(
-        self, geometry: Geometry, records: np.ndarray, vertices: list[np.ndarray], positions: list[np.ndarray],
+        self,
+        geometry: Geometry,
+        records: np.ndarray,
+        vertices: list[np.ndarray],
+        positions: list[np.ndarray],
         slots: list[int],
     ) -> None:
         gpu = self.gpu
@@ -225,7 +229,11 @@ def _seen_by_camera(instance: InstanceData) -> bool:
 
 
 def _fill_matrices(record: np.ndarray, grid_from_object: np.ndarray) -> None:
-    inverse = np.linalg.pinv(grid_from_object) if abs(np.linalg.det(grid_from_object)) < 1e-300 else np.linalg.inv(grid_from_object)
+    inverse = (
+        np.linalg.pinv(grid_from_object)
+        if abs(np.linalg.det(grid_from_object)) < 1e-300
+        else np.linalg.inv(grid_from_object)
+    )
     for row, name in enumerate("xyz"):
         record[f"grid_from_object_{name}"] = grid_from_object[row]
         record[f"object_from_grid_{name}"] = inverse[row]

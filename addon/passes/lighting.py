@@ -60,7 +60,9 @@ def _run_tiles(
     gpu: GpuContext, name: str, kernel: Kernel, size: tuple[int, int], rays: int, bind: Callable[[], None]
 ) -> Iterator[float]:
     """Run ``kernel`` tile by tile; ``rays``: how many it traces for a pixel. Yields the share done."""
-    side = max(interface.TILE_SIZE, int((RAYS_PER_STEP / max(rays, 1)) ** 0.5) // interface.TILE_SIZE * interface.TILE_SIZE)
+    side = max(
+        interface.TILE_SIZE, int((RAYS_PER_STEP / max(rays, 1)) ** 0.5) // interface.TILE_SIZE * interface.TILE_SIZE
+    )
     tiles = [(x, y) for y in range(0, size[1], side) for x in range(0, size[0], side)]
     for index, (x, y) in enumerate(tiles):
         with gpu.timed(name):
@@ -80,15 +82,25 @@ class DirectPass:
         self.pictures = LightingPictures(gpu, "direct light")
 
     def run(
-        self, surface: SurfacePictures, voxels: Voxels, lights: LightTable, cones: ConeVolume, camera: CameraRays,
-        offset: tuple[float, float], sample: int, features: Features, settings: Settings,
+        self,
+        surface: SurfacePictures,
+        voxels: Voxels,
+        lights: LightTable,
+        cones: ConeVolume,
+        camera: CameraRays,
+        offset: tuple[float, float],
+        sample: int,
+        features: Features,
+        settings: Settings,
     ) -> Iterator[float]:
         """Yields the share done."""
         self.pictures.allocate(surface.size, diffuse=True, glossy=features.has_glossy)
         shadow_cones = features.shadow_cones
         kernel = self.gpu.kernel(
             "direct",
-            voxels.trace_defines | lights.defines(settings) | {"HAS_GLOSSY": features.has_glossy, "SHADOW_CONES": shadow_cones}
+            voxels.trace_defines
+            | lights.defines(settings)
+            | {"HAS_GLOSSY": features.has_glossy, "SHADOW_CONES": shadow_cones},
         )
 
         def bind() -> None:
@@ -99,7 +111,9 @@ class DirectPass:
                 cones.bind(kernel)
             self.pictures.bind_images()
             kernel.set(
-                sample_index=sample, random_seed=settings.seed, use_shadows=settings.use_shadows,
+                sample_index=sample,
+                random_seed=settings.seed,
+                use_shadows=settings.use_shadows,
                 shadow_amount=settings.shadow_amount,
             )
             if shadow_cones:
@@ -120,9 +134,18 @@ class GatherPass:
         self.pictures = LightingPictures(gpu, "indirect light")
 
     def run(
-        self, surface: SurfacePictures, voxels: Voxels, radiance: moderngl.Texture | None, lights: LightTable,
-        world: WorldLight, cones: ConeVolume, camera: CameraRays, offset: tuple[float, float], sample: int,
-        features: Features, settings: Settings,
+        self,
+        surface: SurfacePictures,
+        voxels: Voxels,
+        radiance: moderngl.Texture | None,
+        lights: LightTable,
+        world: WorldLight,
+        cones: ConeVolume,
+        camera: CameraRays,
+        offset: tuple[float, float],
+        sample: int,
+        features: Features,
+        settings: Settings,
     ) -> Iterator[float]:
         """Yields the share done."""
         self.pictures.allocate(surface.size, diffuse=features.has_diffuse_gather, glossy=features.has_glossy)
@@ -153,9 +176,12 @@ class GatherPass:
                 cones.bind(kernel)
             self.pictures.bind_images()
             kernel.set(
-                sample_index=sample, ray_count=settings.rays, random_seed=settings.seed,
+                sample_index=sample,
+                ray_count=settings.rays,
+                random_seed=settings.seed,
                 max_distance=limit / cell_size if limit > 0.0 else 1e30,
-                specular_aperture=settings.specular_aperture, clamp_indirect=settings.clamp_indirect,
+                specular_aperture=settings.specular_aperture,
+                clamp_indirect=settings.clamp_indirect,
             )
 
         yield from _run_tiles(self.gpu, "gather", kernel, surface.size, settings.rays + 1, bind)

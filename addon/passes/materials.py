@@ -115,7 +115,8 @@ class MaterialPass:
         assert self.set is not None
         family = self.set.compiled.families[batch.family]
         declared = "".join(
-            f"layout(binding = TEX_MATERIAL_{k}) uniform sampler2D material_texture_{k};\n" for k in range(family.textures)
+            f"layout(binding = TEX_MATERIAL_{k}) uniform sampler2D material_texture_{k};\n"
+            for k in range(family.textures)
         )
         return {"material": declared + family.source}
 
@@ -175,8 +176,14 @@ def upload_image(gpu: GpuContext, image: ImageData) -> moderngl.Texture:
         height, width = pixels.shape[:2]
     if pixels.dtype == np.uint8:
         internal = _SRGB8_ALPHA8 if image.encoding is ImageEncoding.SRGB else None
-        texture = gpu.mgl.texture((width, height), 4, np.ascontiguousarray(pixels).tobytes(), dtype="f1",
-                                  internal_format=internal, alignment=1)
+        texture = gpu.mgl.texture(
+            (width, height),
+            4,
+            np.ascontiguousarray(pixels).tobytes(),
+            dtype="f1",
+            internal_format=internal,
+            alignment=1,
+        )
         size = 4
     else:
         half = np.clip(np.nan_to_num(pixels), -65504, 65504).astype(np.float16)

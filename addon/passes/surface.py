@@ -86,8 +86,15 @@ class SurfacePass:
         return self.pictures
 
     def run(
-        self, geometry: Geometry, voxels: Voxels | None, materials: MaterialSet, material_pass: MaterialPass,
-        camera: CameraRays, offset: tuple[float, float], sample: int, settings: Settings,
+        self,
+        geometry: Geometry,
+        voxels: Voxels | None,
+        materials: MaterialSet,
+        material_pass: MaterialPass,
+        camera: CameraRays,
+        offset: tuple[float, float],
+        sample: int,
+        settings: Settings,
     ) -> SurfacePictures:
         """Fill the pictures for one pass that samples pixels at ``offset``."""
         pictures = self.pictures
@@ -131,8 +138,16 @@ class SurfacePass:
         gpu.barrier()  # the numbers are read through image loads
 
     def _evaluate(
-        self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass, camera: CameraRays,
-        offset: tuple[float, float], seed: int, *, pending: bool, last: bool = False,
+        self,
+        geometry: Geometry,
+        materials: MaterialSet,
+        material_pass: MaterialPass,
+        camera: CameraRays,
+        offset: tuple[float, float],
+        seed: int,
+        *,
+        pending: bool,
+        last: bool = False,
     ) -> None:
         gpu, slot = self.gpu, interface.slot
         pictures = self.pictures
@@ -164,7 +179,9 @@ class SurfacePass:
     def _bin(self, geometry: Geometry, materials: MaterialSet, *, pending: bool) -> None:
         gpu, slot = self.gpu, interface.slot
         pictures = self.pictures
-        assert pictures is not None and self._bins is not None and self._pixels is not None and self._counters is not None
+        assert (
+            pictures is not None and self._bins is not None and self._pixels is not None and self._counters is not None
+        )
         self._counters.clear()
         for step in (0, 1, 2):
             kernel = gpu.kernel("pixel_bins", {"STEP": step})
@@ -182,8 +199,14 @@ class SurfacePass:
             gpu.barrier()  # each step reads the counters of the one before; dispatches read their arguments
 
     def _look_through(
-        self, geometry: Geometry, voxels: Voxels, materials: MaterialSet, material_pass: MaterialPass,
-        camera: CameraRays, offset: tuple[float, float], seed: int,
+        self,
+        geometry: Geometry,
+        voxels: Voxels,
+        materials: MaterialSet,
+        material_pass: MaterialPass,
+        camera: CameraRays,
+        offset: tuple[float, float],
+        seed: int,
     ) -> None:
         gpu, slot = self.gpu, interface.slot
         pictures = self.pictures
@@ -201,10 +224,20 @@ class SurfacePass:
             gpu.barrier()  # the count is read back, the marks by the next step
             if not np.frombuffer(self._counters.read(4), np.uint32)[0]:
                 return
-            self._evaluate(geometry, materials, material_pass, camera, offset, seed + layer, pending=True,
-                last=layer == MAX_LAYERS - 1)
+            self._evaluate(
+                geometry,
+                materials,
+                material_pass,
+                camera,
+                offset,
+                seed + layer,
+                pending=True,
+                last=layer == MAX_LAYERS - 1,
+            )
 
-    def show_lights(self, lights: LightTable, camera: CameraRays, offset: tuple[float, float], settings: Settings) -> None:
+    def show_lights(
+        self, lights: LightTable, camera: CameraRays, offset: tuple[float, float], settings: Settings
+    ) -> None:
         """Put lights that the camera sees into the pictures."""
         pictures = self.pictures
         assert pictures is not None

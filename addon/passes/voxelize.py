@@ -189,7 +189,10 @@ class VoxelizePass:
                         "voxel_accumulate",
                         material_pass.defines(batch)
                         | voxels.trace_defines
-                        | {"HAS_EMISSION": materials.compiled.families[batch.family].has_emission, "FLAT_SHADING": True},
+                        | {
+                            "HAS_EMISSION": materials.compiled.families[batch.family].has_emission,
+                            "FLAT_SHADING": True,
+                        },
                         material_pass.texts(batch),
                     )
                     material_pass.bind(batch, kernel, geometry)
@@ -274,7 +277,12 @@ class VoxelizePass:
         return bricks, cell_positions(masks, grid.bricks)
 
     def _allocate(
-        self, geometry: Geometry, materials: MaterialSet, bricks: moderngl.Texture3D, counts: moderngl.Buffer, cells: int
+        self,
+        geometry: Geometry,
+        materials: MaterialSet,
+        bricks: moderngl.Texture3D,
+        counts: moderngl.Buffer,
+        cells: int,
     ) -> Voxels:
         gpu = self.gpu
         table = np.frombuffer(counts.read(), np.uint32)[: 2 * cells].reshape(-1, 2)

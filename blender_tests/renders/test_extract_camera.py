@@ -84,7 +84,7 @@ def test_without_a_camera(camera: Any) -> None:
     from addon.host.extract.scene import ExtractionError, extract_scene
 
     bpy.context.scene.camera = None
-    with pytest.raises(ExtractionError, match="no camera.*add one"):
+    with pytest.raises(ExtractionError, match=r"no camera.*add one"):
         extract_scene(bpy.context.evaluated_depsgraph_get(), resolution=(8, 4))
 
 

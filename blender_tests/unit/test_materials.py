@@ -192,15 +192,31 @@ def value_of(expr: object) -> list[float]:
 @pytest.mark.parametrize(
     ("operation", "a", "b", "c", "expected"),
     [
-        ("DIVIDE", 1.0, 0.0, 0.0, 0.0), ("POWER", -2.0, 3.0, 0.0, -8.0), ("POWER", -2.0, 0.5, 0.0, 0.0),
-        ("POWER", 0.0, 0.0, 0.0, 1.0), ("LOGARITHM", 8.0, 2.0, 0.0, 3.0), ("LOGARITHM", -1.0, 2.0, 0.0, 0.0),
-        ("SQRT", -4.0, 0.0, 0.0, 0.0), ("INVERSE_SQRT", 4.0, 0.0, 0.0, 0.5), ("MODULO", -3.5, 2.0, 0.0, -1.5),
-        ("FLOORED_MODULO", -3.5, 2.0, 0.0, 0.5), ("FLOORED_MODULO", 1.0, 0.0, 0.0, 0.0),
-        ("WRAP", 5.5, 3.0, 1.0, 1.5), ("SNAP", 7.3, 2.0, 0.0, 6.0), ("PINGPONG", 3.0, 2.0, 0.0, 1.0),
-        ("COMPARE", 1.0, 1.1, 0.2, 1.0), ("COMPARE", 1.0, 1.5, 0.2, 0.0), ("SMOOTH_MIN", 1.0, 1.0, 0.6, 0.9),
-        ("SMOOTH_MAX", 1.0, 1.0, 0.6, 1.1), ("ROUND", 2.5, 0.0, 0.0, 3.0), ("ARCSINE", 2.0, 0.0, 0.0, 1.5708),
-        ("EXPONENT", 1000.0, 0.0, 0.0, 9.253781725587789e29), ("DEGREES", np.pi, 0.0, 0.0, 180.0),
-        ("LESS_THAN", 1.0, 2.0, 0.0, 1.0), ("GREATER_THAN", 1.0, 2.0, 0.0, 0.0), ("FRACT", -0.25, 0.0, 0.0, 0.75),
+        ("DIVIDE", 1.0, 0.0, 0.0, 0.0),
+        ("POWER", -2.0, 3.0, 0.0, -8.0),
+        ("POWER", -2.0, 0.5, 0.0, 0.0),
+        ("POWER", 0.0, 0.0, 0.0, 1.0),
+        ("LOGARITHM", 8.0, 2.0, 0.0, 3.0),
+        ("LOGARITHM", -1.0, 2.0, 0.0, 0.0),
+        ("SQRT", -4.0, 0.0, 0.0, 0.0),
+        ("INVERSE_SQRT", 4.0, 0.0, 0.0, 0.5),
+        ("MODULO", -3.5, 2.0, 0.0, -1.5),
+        ("FLOORED_MODULO", -3.5, 2.0, 0.0, 0.5),
+        ("FLOORED_MODULO", 1.0, 0.0, 0.0, 0.0),
+        ("WRAP", 5.5, 3.0, 1.0, 1.5),
+        ("SNAP", 7.3, 2.0, 0.0, 6.0),
+        ("PINGPONG", 3.0, 2.0, 0.0, 1.0),
+        ("COMPARE", 1.0, 1.1, 0.2, 1.0),
+        ("COMPARE", 1.0, 1.5, 0.2, 0.0),
+        ("SMOOTH_MIN", 1.0, 1.0, 0.6, 0.9),
+        ("SMOOTH_MAX", 1.0, 1.0, 0.6, 1.1),
+        ("ROUND", 2.5, 0.0, 0.0, 3.0),
+        ("ARCSINE", 2.0, 0.0, 0.0, 1.5708),
+        ("EXPONENT", 1000.0, 0.0, 0.0, 9.253781725587789e29),
+        ("DEGREES", np.pi, 0.0, 0.0, 180.0),
+        ("LESS_THAN", 1.0, 2.0, 0.0, 1.0),
+        ("GREATER_THAN", 1.0, 2.0, 0.0, 0.0),
+        ("FRACT", -0.25, 0.0, 0.0, 0.75),
     ],
 )
 def test_math(operation: str, a: float, b: float, c: float, expected: float) -> None:
@@ -209,8 +225,15 @@ def test_math(operation: str, a: float, b: float, c: float, expected: float) -> 
 
 @pytest.mark.parametrize(
     ("operation", "expected"),
-    [("CROSS_PRODUCT", [0.0, 0.0, 4.0]), ("PROJECT", [0.0, 0.0, 0.0]), ("REFLECT", [1.0, 0.0, 0.0]),
-     ("DOT_PRODUCT", [0.0]), ("DISTANCE", [4.12311]), ("LENGTH", [1.0]), ("SCALE", [0.5, 0.0, 0.0])],
+    [
+        ("CROSS_PRODUCT", [0.0, 0.0, 4.0]),
+        ("PROJECT", [0.0, 0.0, 0.0]),
+        ("REFLECT", [1.0, 0.0, 0.0]),
+        ("DOT_PRODUCT", [0.0]),
+        ("DISTANCE", [4.12311]),
+        ("LENGTH", [1.0]),
+        ("SCALE", [0.5, 0.0, 0.0]),
+    ],
 )
 def test_vector_math(operation: str, expected: list[float]) -> None:
     a, b = constant((1.0, 0.0, 0.0)), constant((0.0, 4.0, 0.0))
@@ -219,9 +242,23 @@ def test_vector_math(operation: str, expected: list[float]) -> None:
 
 @pytest.mark.parametrize(
     ("kind", "expected"),
-    [("MIX", 0.4), ("DARKEN", 0.2), ("MULTIPLY", 0.16), ("ADD", 0.5), ("SUBTRACT", -0.1), ("SCREEN", 0.44),
-     ("OVERLAY", 0.22), ("DODGE", 0.2857143), ("BURN", 0.0), ("DIFFERENCE", 0.3), ("EXCLUSION", 0.38),
-     ("DIVIDE", 0.2666667), ("LIGHTEN", 0.4), ("LINEAR_LIGHT", 0.3), ("SOFT_LIGHT", 0.216)],
+    [
+        ("MIX", 0.4),
+        ("DARKEN", 0.2),
+        ("MULTIPLY", 0.16),
+        ("ADD", 0.5),
+        ("SUBTRACT", -0.1),
+        ("SCREEN", 0.44),
+        ("OVERLAY", 0.22),
+        ("DODGE", 0.2857143),
+        ("BURN", 0.0),
+        ("DIFFERENCE", 0.3),
+        ("EXCLUSION", 0.38),
+        ("DIVIDE", 0.2666667),
+        ("LIGHTEN", 0.4),
+        ("LINEAR_LIGHT", 0.3),
+        ("SOFT_LIGHT", 0.216),
+    ],
 )
 def test_blend_of_two_greys(kind: str, expected: float) -> None:
     """Lower 0.2, upper 0.6, factor one half."""
@@ -246,8 +283,12 @@ def test_blackbody_is_near_blenders() -> None:
 
 @pytest.mark.parametrize(
     ("kind", "expected"),
-    [("POINT", [0.9, 2.2, 0.3]), ("TEXTURE", [-0.975, 0.45, -0.075]), ("VECTOR", [-0.1, 0.2, 0.0]),
-     ("NORMAL", [-0.447214, 0.894427, 0.0])],
+    [
+        ("POINT", [0.9, 2.2, 0.3]),
+        ("TEXTURE", [-0.975, 0.45, -0.075]),
+        ("VECTOR", [-0.1, 0.2, 0.0]),
+        ("NORMAL", [-0.447214, 0.894427, 0.0]),
+    ],
 )
 def test_mapping(kind: str, expected: list[float]) -> None:
     """(0.1, 0.05, 0) scaled by (2, 2, 4) and turned by 90 degrees about z, moved by (1, 2, 0.3).
@@ -335,8 +376,14 @@ def test_material_without_nodes_is_its_viewport_colour() -> None:
 def test_too_many_tiles_are_said() -> None:
     tiles = {1001 + i: image(str(i)).tiles[1001] for i in range(14)}
     texture = node("T", "TexImage", image=ImageSet("set", tiles, is_udim=True))
-    result = compiled(material(texture, principled(Base_Color="T.Color"), surface="P.BSDF"))
+    made = material(texture, principled(Base_Color="T.Color"), surface="P.BSDF")
+    result = compile_materials([made], max_textures=24)
     assert result.families[0].textures == 12 and "14 tiles" in result.warnings[0]
+    # A driver that binds fewer: the rest become plain colours, and are named.
+    few = compile_materials([made], max_textures=9)
+    assert few.families[0].textures == 9 and any(
+        "'9'" in warning and "plain colour" in warning for warning in few.warnings
+    )
 
 
 # --- worlds --------------------

@@ -100,7 +100,11 @@ def build_scene() -> None:
     bpy.ops.object.shade_smooth()
     bpy.ops.mesh.primitive_torus_add(location=(-2.2, 1.2, 0), rotation=(0.9, 0.2, 0))
     bpy.ops.object.text_add(location=(-1, -3, -0.9))
-    for name, colour, metallic in (("Plane", (0.7, 0.7, 0.7), 0), ("Sphere", (0.8, 0.3, 0.1), 1), ("Torus", (0.1, 0.4, 0.8), 0)):
+    for name, colour, metallic in (
+        ("Plane", (0.7, 0.7, 0.7), 0),
+        ("Sphere", (0.8, 0.3, 0.1), 1),
+        ("Torus", (0.1, 0.4, 0.8), 0),
+    ):
         material = bpy.data.materials.new(name)
         if bpy.app.version < (5,):
             material.use_nodes = True
