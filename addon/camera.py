@@ -22,6 +22,7 @@ class CameraRays:
     clip_from_grid: DoubleArray  # (4, 4), of the picture (border applied)
     position: DoubleArray  # (3,) grid space
     forward: DoubleArray  # (3,) unit
+    depth_range: tuple[float, float]  # of the grid along ``forward``, cells; what is behind the camera left out
 
     @classmethod
     def of(cls, camera: CameraData, grid: VoxelGrid, size: tuple[int, int]) -> CameraRays:
@@ -55,7 +56,14 @@ class CameraRays:
             origin = (eye + corner * scale, dx * scale, dy * scale)
             direction = (rotation @ np.array([0.0, 0.0, -1.0]), zero, zero)
         clip_from_grid = clip_from_camera @ np.linalg.inv(grid_from_camera)
-        return cls(size, origin, direction, clip_from_grid, eye, rotation @ np.array([0.0, 0.0, -1.0]))
+        forward = rotation @ np.array([0.0, 0.0, -1.0])
+        corners = np.array(np.meshgrid(*[(0.0, float(side)) for side in grid.size])).reshape(3, -1).T
+        depths = (corners - eye) @ forward
+        nearest, farthest = float(depths.min()), float(depths.max())
+        if camera.kind is CameraKind.PERSPECTIVE:
+            nearest = max(nearest, 0.0)
+        depth_range = (nearest, max(farthest, nearest + 1.0))
+        return cls(size, origin, direction, clip_from_grid, eye, forward, depth_range)
 
     def uniforms(self, offset: tuple[float, float]) -> dict[str, Any]:
         """Values for lib/camera.glsl; ``offset``: place in the pixel, (0.5, 0.5) is its centre."""

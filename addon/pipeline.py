@@ -154,7 +154,8 @@ class Pipeline:
         self.features = features
 
         shape = (scene.meshes, scene.instances)
-        resolution = (settings.voxel_auto, settings.voxel_resolution, settings.memory_budget, settings.bounce_rays)
+        automatic = (settings.memory_budget, settings.bounce_rays) if settings.voxel_auto else ()
+        resolution = automatic or (settings.voxel_resolution,)
         if memo.stale("geometry", *shape, *resolution):
             yield Progress(0.02, "Uploading geometry")
             memo.forget("voxels")

@@ -221,11 +221,8 @@ class Session:
             "resolution": list(size),
             "samples": self.film.samples,
             "warnings": self.warnings,
-            "wall_ms": {
-                "total": self._extraction_ms + render_ms,
-                "extract_ms": self._extraction_ms,
-                "first_frame_ms": self._extraction_ms + first_frame_ms,
-            },
+            "wall_ms": self._extraction_ms + render_ms,
+            "first_frame_ms": self._extraction_ms + first_frame_ms,  # until the first pass was in the film
         }
 
 

@@ -160,7 +160,8 @@ class Emitter:
             for (number, _), one in reversed(list(zip(sample.tiles, texts, strict=True))):
                 text = f"{tile} == {number_text(number)} ? {one} :\n        {text}"
             return f"({text})"
-        return self._image(sample.tiles[0][1], sample, function, f"{coordinate}.xy", footprint)
+        place = f"mirrored({coordinate}.xy)" if sample.extension == "MIRROR" else f"{coordinate}.xy"
+        return self._image(sample.tiles[0][1], sample, function, place, footprint)
 
     def _image(self, image: ImageData, sample: Sample, function: str, coordinate: str, footprint: str) -> str:
         slot = self._texture(image, sample)

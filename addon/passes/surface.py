@@ -123,6 +123,13 @@ class SurfacePass:
         program = gpu.program("visibility")
         matrix: Any = program["clip_from_grid"]
         matrix.write(np.ascontiguousarray(camera.raster_matrix(offset).T, np.float32).tobytes())
+        for name, value in (
+            ("camera_position", camera.position),
+            ("camera_forward", camera.forward),
+            ("depth_range", camera.depth_range),
+        ):
+            member: Any = program[name]
+            member.value = tuple(float(c) for c in value)
         for draw in geometry.meshes:
             if draw.vertex_array is None:
                 draw.vertex_array = gpu.adopt("vertex arrays", gpu.mgl.vertex_array(

@@ -88,6 +88,11 @@ vec4 sample_image_clipped(sampler2D image, vec2 uv, float footprint) {
     return inside ? sample_image(image, uv, footprint) : vec4(0.0);
 }
 
+// Every other repetition of the image runs backwards.
+vec2 mirrored(vec2 uv) {
+    return 1.0 - abs(1.0 - mod(uv, 2.0));
+}
+
 // Tile of a UDIM set that uv is in: column + 10 row; -1 outside the ten columns.
 float udim_tile(vec2 uv) {
     vec2 tile = floor(uv);
