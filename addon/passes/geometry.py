@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from ..gpu import interface
-from ..gpu.context import GpuContext
+from ..gpu.context import GpuContext, Kernel
 from ..grid import VoxelGrid
 from ..scene import InstanceData, MeshData, RayVisibility, SceneData
 from .materials import MaterialSet
@@ -27,6 +27,15 @@ class Geometry:
     corners: moderngl.Texture
     attributes: moderngl.Texture
     meshes: list[MeshDraw] = field(default_factory=list)
+
+    def bind(self, kernel: Kernel) -> None:
+        """Bind what lib/geometry.glsl reads."""
+        slot = interface.slot
+        self.triangles.use(slot("TEX_TRIANGLES"))
+        self.instances.use(slot("TEX_INSTANCES"))
+        self.corners.use(slot("TEX_CORNERS"))
+        self.attributes.use(slot("TEX_ATTRIBUTES"))
+        kernel.set(cell_size=self.grid.cell_size, grid_origin_ws=self.grid.origin)
 
 
 @dataclass

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -14,9 +14,6 @@ from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
 from ..materials.compile import CompiledMaterials, compile_materials
 from ..materials.graph import ImageData, ImageEncoding, MaterialData
-
-if TYPE_CHECKING:
-    from .geometry import Geometry
 
 _SRGB8_ALPHA8 = 0x8C43
 
@@ -125,16 +122,10 @@ class MaterialPass:
         family = self.set.compiled.families[batch.family]
         return {"MATERIAL_UV_LAYERS": family.uv_layers, "MATERIAL_COLOR_LAYERS": family.color_layers}
 
-    def bind(self, batch: Batch, kernel: Kernel, geometry: Geometry) -> None:
-        """Bind what lib/geometry.glsl and a batch's materials read."""
+    def bind(self, batch: Batch, kernel: Kernel) -> None:
+        """Bind what a batch's materials read."""
         assert self.set is not None
-        slot = interface.slot
-        geometry.triangles.use(slot("TEX_TRIANGLES"))
-        geometry.instances.use(slot("TEX_INSTANCES"))
-        geometry.corners.use(slot("TEX_CORNERS"))
-        geometry.attributes.use(slot("TEX_ATTRIBUTES"))
-        self.set.values.use(slot("TEX_MATERIALS"))
-        kernel.set(cell_size=geometry.grid.cell_size, grid_origin_ws=geometry.grid.origin)
+        self.set.values.use(interface.slot("TEX_MATERIALS"))
         for unit, (image, extension, interpolation) in enumerate(batch.textures):
             location = interface.FIRST_MATERIAL_TEXTURE + unit
             self.set.textures[image].use(location)

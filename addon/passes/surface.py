@@ -175,7 +175,8 @@ class SurfacePass:
             pictures.bind_images()
             self._pixels.bind_to_storage_buffer(slot("BUF_WORK"))
             self._bins.bind_to_storage_buffer(slot("BUF_SUMS"))
-            material_pass.bind(batch, kernel, geometry)
+            geometry.bind(kernel)
+            material_pass.bind(batch, kernel)
             kernel.set(batch=index, random_seed=seed, **camera.uniforms(offset))
             if family.has_transparency:
                 kernel.set(last_layer=last)

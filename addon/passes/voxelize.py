@@ -195,7 +195,8 @@ class VoxelizePass:
                         },
                         material_pass.texts(batch),
                     )
-                    material_pass.bind(batch, kernel, geometry)
+                    geometry.bind(kernel)
+                    material_pass.bind(batch, kernel)
                     voxels.cells.use(slot("TEX_CELLS"))
                     positions.use(slot("TEX_CELL_POSITIONS"))
                     pairs.bind_to_storage_buffer(slot("BUF_PAIRS"))

@@ -7,7 +7,7 @@
 // Illumination"; differs: one fixed set of rays serves all iterations, so that they are products with a sparse matrix.
 
 #include "lib/radiance.glsl"
-#include "lib/face.glsl"
+#include "lib/site.glsl"
 #include "lib/sampling.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
@@ -20,32 +20,24 @@ layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
 layout(binding = IMG_1, rgba32f) writeonly uniform image2D sky_img;
 #endif
 
-uniform uint thread_first;
-uniform uint cell_count;
 uniform uint link_count;  // a multiple of four
 uniform uint random_seed;
 
 void main()
 {
-    uint thread = thread_first + invocation_index();
-    uint facing = facing_of_thread(thread, cell_count);
-    uvec4 record = texelFetch(cells_tex, list_texel(cell_of_thread(thread, cell_count)), 0);
-    if (!has_facing(record, facing) || site_facing(record, facing) != facing) {
+    Site site = site_of_thread();
+    if (site.face == NONE_INDEX) {
         return;
     }
-    uint index = face_index(record, facing);
-    vec3 position, normal;
-    fetch_face_place(index, position, normal);
-    vec3 origin = position + normal * RAY_START;
-    uint seed = hash(index, random_seed);
+    uint seed = hash(site.face, random_seed);
     uvec4 links;
     vec3 sky = vec3(0.0);
     for (uint k = 0u; k < link_count; ++k) {
-        vec3 direction = sample_cosine(normal, sample_2d(k, seed));
-        Hit hit = trace(origin, direction, 1e30, RAY_DIFFUSE, false, hash(seed, k));
+        vec3 direction = sample_cosine(site.normal, sample_2d(k, seed));
+        Hit hit = trace(site.origin, direction, 1e30, RAY_DIFFUSE, false, hash(seed, k));
         uint link = NONE_INDEX;
         if (hit.triangle != NONE_INDEX) {
-            link = face_at_hit(origin + direction * hit.distance, hit, hash(seed + k, 0x9E3779u));
+            link = face_at_hit(site.origin + direction * hit.distance, hit, hash(seed + k, 0x9E3779u));
         }
 #if HAS_WORLD
         else {
@@ -54,10 +46,10 @@ void main()
 #endif
         links[k & 3u] = link;
         if ((k & 3u) == 3u) {
-            imageStore(link_img, list_texel((index * link_count + k) / 4u), links);
+            imageStore(link_img, list_texel((site.face * link_count + k) / 4u), links);
         }
     }
 #if HAS_WORLD
-    imageStore(sky_img, list_texel(index), vec4(sky / float(link_count), 0.0));
+    imageStore(sky_img, list_texel(site.face), vec4(sky / float(link_count), 0.0));
 #endif
 }
