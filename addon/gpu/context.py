@@ -15,6 +15,7 @@ import numpy as np
 
 from . import interface, loader
 from .program import ShaderError, Source, resolve
+from .state import saved_state
 
 
 class GpuUnavailable(RuntimeError):
@@ -111,8 +112,10 @@ class GpuContext:
     def attach(cls) -> GpuContext:
         """Wrap the GL context that is current on this thread. Raises GpuUnavailable."""
         try:
-            moderngl.init_context(loader.current_context_loader())
-            return cls(moderngl.get_context(), owned=False)
+            source = loader.current_context_loader()
+            with saved_state(source):  # moderngl changes state when it comes
+                moderngl.init_context(source)
+                return cls(moderngl.get_context(), owned=False)
         except GpuUnavailable:
             raise
         except Exception as error:
@@ -142,7 +145,7 @@ class GpuContext:
         if self.owned:
             yield
             return
-        with loader.saved_state(loader.current_context_loader()):
+        with saved_state(loader.current_context_loader()):
             yield
 
     # Programs ---------------------------------------------------------------------------------------------------

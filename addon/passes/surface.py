@@ -61,6 +61,7 @@ class SurfacePass:
         self.pictures: SurfacePictures | None = None
         self._owned: list[Any] = []
         self._framebuffer: moderngl.Framebuffer | None = None
+        self._depth: moderngl.Framebuffer | None = None  # of the same depth buffer alone
         self._pixels: moderngl.Buffer | None = None
         self._bins: moderngl.Buffer | None = None
         self._counters: moderngl.Buffer | None = None
@@ -77,10 +78,11 @@ class SurfacePass:
         pictures = [gpu.texture(name, size, components, kind) for components, kind in formats]
         depth = gpu.adopt(name, gpu.mgl.depth_renderbuffer(size), 4 * size[0] * size[1])
         self._framebuffer = gpu.adopt(name, gpu.mgl.framebuffer([pictures[0]], depth), 0)
+        self._depth = gpu.adopt(name, gpu.mgl.framebuffer([], depth), 0)
         self._pixels = gpu.buffer("pixel lists", size=4 * size[0] * size[1])
         self._bins = gpu.buffer("pixel lists", size=20 * max(batches, 1))
         self._counters = gpu.buffer("pixel lists", size=4 * max(batches, 4))
-        self._owned = [self._framebuffer, depth, *pictures, self._pixels, self._bins, self._counters]
+        self._owned = [self._framebuffer, self._depth, depth, *pictures, self._pixels, self._bins, self._counters]
         self.pictures = SurfacePictures(size, *pictures)
         self._batches = batches
         return self.pictures
@@ -102,8 +104,6 @@ class SurfacePass:
         with self.gpu.timed("visibility"):
             self._rasterize(geometry, camera, offset)
         with self.gpu.timed("surface"):
-            _clear(pictures.position)
-            _clear(pictures.emission)
             seed = (settings.seed * 0x9E3779B1 + sample * MAX_LAYERS) & 0xFFFFFFFF
             if geometry.triangle_count:
                 self._evaluate(geometry, materials, material_pass, camera, offset, seed, pending=False)
@@ -113,10 +113,14 @@ class SurfacePass:
 
     def _rasterize(self, geometry: Geometry, camera: CameraRays, offset: tuple[float, float]) -> None:
         gpu = self.gpu
-        framebuffer = self._framebuffer
-        assert framebuffer is not None
+        framebuffer, depth, pictures = self._framebuffer, self._depth, self.pictures
+        assert framebuffer is not None and depth is not None and pictures is not None
+        pictures.seen.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
+        pictures.position.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
+        gpu.kernel("clear").set(picture_size=pictures.size).run_tiles(*pictures.size)
+        gpu.barrier()  # triangles are drawn over it
+        depth.clear(depth=1.0)  # without the numbers: what clearing integers this way does is not defined
         framebuffer.use()
-        framebuffer.clear(0.0, 0.0, 0.0, 0.0, depth=1.0)
         gpu.mgl.enable_only(moderngl.DEPTH_TEST)
         if not geometry.meshes:
             return
@@ -263,15 +267,11 @@ class SurfacePass:
         if self._framebuffer is not None:
             # moderngl binds again what it bound last, and would bind a framebuffer that is gone.
             self.gpu.mgl.detect_framebuffer(0).use()
-            self._framebuffer = None
+            self._framebuffer = self._depth = None
         self.gpu.free(*self._owned)
         self._owned = []
         self.pictures = None
         self._batches = 0
-
-
-def _clear(texture: moderngl.Texture) -> None:
-    texture.write(bytes(texture.width * texture.height * texture.components * 4))
 
 
 def bind_pixels(kernel: Kernel, pictures: SurfacePictures, camera: CameraRays, offset: tuple[float, float]) -> None:
