@@ -32,13 +32,21 @@ class Features:
 
     @classmethod
     def from_scene(
-        cls, scene: SceneData, settings: Settings, *, emission: bool, transparency: bool, specular: bool, world: bool
+        cls,
+        scene: SceneData,
+        settings: Settings,
+        *,
+        diffuse: bool,
+        emission: bool,
+        transparency: bool,
+        specular: bool,
+        world: bool,
     ) -> Features:
-        """``emission`` ... ``world``: what the compiled materials and the world have."""
+        """``diffuse`` ... ``world``: what the compiled materials and the world have."""
         has_geometry = any(len(scene.meshes[i.mesh].triangle_vertices) for i in scene.instances)
         lit = bool(scene.lights) or emission or world
         occlusion = settings.gather_mode == "OCCLUSION"
-        gather = has_geometry and lit and settings.use_indirect and settings.indirect_amount > 0.0
+        gather = has_geometry and lit and diffuse and settings.use_indirect and settings.indirect_amount > 0.0
         glossy = has_geometry and lit and specular and settings.use_specular and settings.specular_amount > 0.0
         direct = has_geometry and bool(scene.lights) and settings.use_direct and settings.direct_amount > 0.0
         shadow_cones = direct and settings.use_shadows and settings.shadow_mode == "CONE"
@@ -68,7 +76,7 @@ class Features:
             shadow_cones=shadow_cones,
             gather_cones=gather_cones,
             needs_cones=shadow_cones or gather_cones,
-            gather_occlusion=occlusion,
+            gather_occlusion=occlusion and (gather or glossy),
         )
 
     @property

@@ -124,6 +124,7 @@ class Pipeline:
                 "side; render a part of the frame (Ctrl-B) or a smaller percentage"
             )
         self._scene, self._settings, self._size = scene, settings, size
+        self.gpu.times.clear()  # statistics are those of one picture
         memo, warnings = self._memo, list(scene.warnings)
 
         uv_layers = tuple(sorted({name for mesh in scene.meshes for name in mesh.uv_layers}))
@@ -146,6 +147,7 @@ class Pipeline:
         features = Features.from_scene(
             scene,
             settings,
+            diffuse=materials.has_diffuse,
             emission=materials.has_emission,
             transparency=materials.has_transparency,
             specular=materials.has_specular,
@@ -204,6 +206,11 @@ class Pipeline:
             self._gather.release()
         self.film.start(size, self._wanted)
         self._camera = CameraRays.of(scene.camera, grid, size)
+        if self.gpu.mgl.error == "GL_OUT_OF_MEMORY":
+            raise MemoryError(
+                "the graphics device has too little memory for this render: lower the voxel resolution, the resolution "
+                "or the sizes of images"
+            )
         yield Progress(1.0, "Ready")
 
     def _light_voxels(self, features: Features) -> Iterator[Progress]:
@@ -215,11 +222,16 @@ class Pipeline:
             for share in self._links.run(voxels, self._world, settings):
                 yield Progress(0.3 + 0.5 * share, "Linking voxels")
             memo.done("links", settings.bounce_rays, settings.seed)
+        if not features.bounces:
+            self._links.release()
+            memo.forget("links")
         light = (settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.bounces)
         if memo.stale("radiance", *light):
-            for share in self._inject.run(voxels, self._lights, settings):
-                yield Progress(0.8 + 0.1 * share, "Lighting voxels")
-            assert self._inject.irradiance is not None
+            if features.has_lights:
+                for share in self._inject.run(voxels, self._lights, settings):
+                    yield Progress(0.8 + 0.1 * share, "Lighting voxels")
+            else:
+                self._inject.release()
             links = self._links if features.bounces else None
             for share in self._bounce.run(voxels, self._inject.irradiance, links, settings):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
@@ -237,10 +249,12 @@ class Pipeline:
         index = self.film.samples
         offset = pixel_offset(index, scene.pixel_filter_width)
         camera = self._camera
-        surface = self._surface.run(geometry, voxels, materials, self._materials, camera, offset, index, settings)
+        surface = self._surface.pictures
+        assert surface is not None
+        for share in self._surface.run(geometry, voxels, materials, self._materials, camera, offset, index, settings):
+            yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, camera, offset, settings)
-        yield Progress(0.2, "Surfaces")
         if features.has_direct:
             for share in self._direct.run(
                 surface, voxels, self._lights, self._cones, camera, offset, index, features, settings

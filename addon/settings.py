@@ -19,7 +19,6 @@ class Unit(enum.Enum):
     RADIAN = "rad"
     SECOND = "s"
     MEBIBYTE = "MiB"
-    PIXEL = "px"
 
 
 class Panel(enum.Enum):

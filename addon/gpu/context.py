@@ -24,7 +24,7 @@ class GpuUnavailable(RuntimeError):
 
 @dataclass
 class PassTime:
-    """What one pass has cost since the last reset."""
+    """What one pass has cost since ``GpuContext.times`` was cleared."""
 
     calls: int = 0
     cpu_ms: float = 0.0
@@ -181,11 +181,6 @@ class GpuContext:
                 raise ShaderError(_shader_message(fragment, defines, error)) from error
         return self._programs[key]
 
-    @property
-    def program_names(self) -> list[str]:
-        """Names of the programs that were compiled, sorted."""
-        return sorted([key[0] for key in self._kernels] + [key[0] for key in self._programs])
-
     # Storage ----------------------------------------------------------------------------------------------------
 
     def buffer(self, name: str, data: np.ndarray | bytes | None = None, *, size: int = 0) -> moderngl.Buffer:
@@ -251,7 +246,8 @@ class GpuContext:
 
     def _track(self, name: str, thing: Any, size: int) -> Any:
         self._objects[id(thing)] = (name, thing, size)
-        self.memory[name] = self.memory.get(name, 0) + size
+        if size:
+            self.memory[name] = self.memory.get(name, 0) + size
         return thing
 
     def free(self, *things: Any) -> None:
@@ -295,10 +291,6 @@ class GpuContext:
         One kind of barrier for all: drivers make no cheaper one in practice, and a bit forgotten is a race.
         """
         self.mgl.memory_barrier()
-
-    def submit(self) -> None:
-        """Hand everything to the driver and wait: keeps a step's cost inside that step."""
-        self._finish()
 
     @contextlib.contextmanager
     def timed(self, name: str) -> Iterator[None]:

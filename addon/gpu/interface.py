@@ -94,8 +94,6 @@ TEXTURE_ALIASES = {
 FIRST_MATERIAL_TEXTURE = 7
 MAX_MATERIAL_TEXTURES = 24
 
-_ALIASES = TEXTURE_ALIASES
-
 IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_7")
 
 _GLSL_SIZE = {"float": (4, 4), "uint": (4, 4), "int": (4, 4), "vec2": (8, 8), "vec3": (16, 12), "vec4": (16, 16)}
@@ -190,13 +188,13 @@ LIGHT = Struct(
         ("position_grid", "vec3", "cells"),
         ("kind", "uint", "LIGHT_*"),
         ("intensity", "vec3", "W/sr, W/m2 or W/(m2 sr) by kind"),
-        ("radius_grid", "float", "cells; area lights: half the longer side"),
+        ("radius_grid", "float", "cells; area lights: half the longer side; suns: sine of half their angle"),
         ("axis_x", "vec3", "unit"),
         ("half_width_grid", "float", "area lights: half the side along x, cells"),
         ("axis_y", "vec3", "unit"),
         ("half_height_grid", "float", "along y"),
         ("axis_z", "vec3", "unit; the light shines along -z"),
-        ("cos_cone", "float", "spot: cosine of half the cone; sun: of half the disk"),
+        ("cos_cone", "float", "spot: cosine of half the cone"),
         ("spot_scale", "vec3", "spot: 1 / object scale"),
         ("spot_smooth", "float", "spot: 1 / ((1 - cos_cone) blend); area: half the spread"),
         ("flags", "uint", "RAY_* that see it; LIGHT_CASTS_SHADOW, LIGHT_IS_ELLIPSE, LIGHT_IS_SPHERE"),
@@ -213,7 +211,7 @@ def prelude() -> str:
     defines: dict[str, object] = {}
     for table in (BUFFERS, TEXTURES, IMAGES):
         defines |= {name: slot for slot, name in enumerate(table)}
-    defines |= {alias: defines[name] for alias, name in _ALIASES.items()}
+    defines |= {alias: defines[name] for alias, name in TEXTURE_ALIASES.items()}
     defines |= {f"TEX_MATERIAL_{i}": FIRST_MATERIAL_TEXTURE + i for i in range(MAX_MATERIAL_TEXTURES)}
     defines |= {
         "GROUP_SIZE": GROUP_SIZE,
@@ -247,7 +245,7 @@ assert AreaShape.ELLIPSE == 1
 
 def slot(name: str) -> int:
     """The binding of a buffer, texture unit or image unit by its name."""
-    name = _ALIASES.get(name, name)
+    name = TEXTURE_ALIASES.get(name, name)
     for table in (BUFFERS, TEXTURES, IMAGES):
         if name in table:
             return table.index(name)

@@ -60,7 +60,8 @@ class Source:
 def resolve(name: str, defines: Mapping[str, object], texts: Mapping[str, str] | None = None) -> Source:
     """The text of shader ``name`` for the compiler.
 
-    ``texts`` maps names of includes to generated text, which takes the place of a file. Each file is included once.
+    ``texts`` maps names of includes to generated text, which takes the place of a file. Each file is included once,
+    where it comes first: what is needed always must not come first inside an #if.
     Raises ShaderError for a missing file.
     """
     source = Source("", ["<prelude>"])

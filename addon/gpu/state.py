@@ -10,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 from .loader import Loader
@@ -124,19 +125,14 @@ def _save(gl: _State) -> list[Callable[[], Any]]:
     later("glActiveTexture", active)
     gl.call("glActiveTexture", active)
 
-    image_types = (_UINT, _UINT, _INT, ctypes.c_ubyte, _INT, _ENUM, _ENUM)
     for unit in range(_IMAGE_UNITS):
         name, level, layered, layer, access, form = (
             gl.indexed(query, unit) for query in (0x8F3A, 0x8F3B, 0x8F3C, 0x8F3D, 0x8F3E, 0x906E)
         )
-        arguments = (unit, name, level, layered, layer, access, form)
-        restore.append(
-            lambda name=name, arguments=arguments: gl.exists("Texture", name)
-            and gl.call("glBindImageTexture", *arguments, types=image_types)
-        )
+        restore.append(partial(_bind_image, gl, (unit, name, level, layered, layer, access, form)))
     for slot in range(_STORAGE_SLOTS):
         name, start, size = gl.indexed(0x90D3, slot), gl.indexed_64(0x90D4, slot), gl.indexed_64(0x90D5, slot)
-        restore.append(lambda slot=slot, name=name, start=start, size=size: _bind_storage(gl, slot, name, start, size))
+        restore.append(partial(_bind_storage, gl, slot, name, start, size))
     for query, target in _BUFFERS.items():
         bind_later("Buffer", "glBindBuffer", target, gl.integers(query)[0])
 
@@ -163,8 +159,14 @@ def _save(gl: _State) -> list[Callable[[], Any]]:
     later("glDepthMask", *gl.booleans(0x0B72, 1), types=(ctypes.c_ubyte,))
     for name in _ENABLES:
         value = bool(gl.call("glIsEnabled", name, result=ctypes.c_ubyte))
-        restore.append(lambda name=name, value=value: gl.enable(name, value))
+        restore.append(partial(gl.enable, name, value))
     return restore
+
+
+def _bind_image(gl: _State, arguments: tuple[int, ...]) -> None:
+    if gl.exists("Texture", arguments[1]):
+        types = (_UINT, _UINT, _INT, ctypes.c_ubyte, _INT, _ENUM, _ENUM)
+        gl.call("glBindImageTexture", *arguments, types=types)
 
 
 def _bind_storage(gl: _State, slot: int, name: int, start: int, size: int) -> None:

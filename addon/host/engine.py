@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 
 from . import session
-from .backend import background_has_gl, on_thread_of_context
+from .backend import background_has_gl, has_own_context, on_thread_of_context
 from .film import wanted_passes, write_passes
 from .session import Session
 
@@ -78,7 +78,7 @@ class ConelightEngine(bpy.types.RenderEngine):
         try:
             return self._fill(scene, view_layer, result)
         finally:
-            self._release(keep=scene.render.use_persistent_data and ConelightEngine.bl_use_gpu_context)
+            self._release(keep=scene.render.use_persistent_data and not has_own_context())
 
     def _fill(self, scene: Any, view_layer: Any, result: Any) -> bool:
         current = self._session

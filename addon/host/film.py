@@ -50,7 +50,6 @@ PASSES: tuple[FilmPass, ...] = (
     FilmPass("glossy_color", "RGB", "GlossCol", "Glossy Color", "use_pass_glossy_color", "Light"),
     FilmPass("emission", "RGB", "Emit", "Emission", "use_pass_emit", "Light"),
     FilmPass("environment", "RGB", "Env", "Environment", "use_pass_environment", "Light"),
-    FilmPass("ambient_occlusion", "RGB", "AO", "Ambient Occlusion", "use_pass_ambient_occlusion", "Light"),
 )
 
 

@@ -41,7 +41,7 @@ class LinkPass:
         if world.is_lit:
             self.sky = gpu.list_texture("sky light of faces", voxels.faces.count, 4, "f4")
         kernel = gpu.kernel("link", voxels.trace_defines | world.defines)
-        threads = 6 * voxels.cell_count  # one for each facing of each cell: see face_of_thread() in the shaders
+        threads = 6 * voxels.cell_count  # one for each facing of each cell: see facing_of_thread() in the shaders
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // self.count)
         for first in range(0, threads, step):
             with gpu.timed("link"):
@@ -73,11 +73,12 @@ class BouncePass:
         self.bounces = 0
 
     def run(
-        self, voxels: Voxels, irradiance: moderngl.Texture, links: LinkPass | None, settings: Settings
+        self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, settings: Settings
     ) -> Iterator[float]:
         """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done.
 
-        ``links`` None: no bounces, only what faces emit and what lights send off them.
+        ``irradiance`` None: there are no lights. ``links`` None: no bounces, only what faces emit and what lights send
+        off them.
         """
         self.release()
         textures = 2 if links else 1
@@ -100,20 +101,22 @@ class BouncePass:
             yield self.bounces / settings.bounces
 
     def _pass(
-        self, voxels: Voxels, irradiance: moderngl.Texture, links: LinkPass | None, target: moderngl.Texture
+        self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, target: moderngl.Texture
     ) -> None:
         gpu, slot = self.gpu, interface.slot
         kernel = gpu.kernel(
             "bounce",
             {
                 "FIRST": links is None,
+                "HAS_LIGHTS": irradiance is not None,
                 "HAS_EMISSION": voxels.faces.emission is not None,
                 "HAS_WORLD": links is not None and links.sky is not None,
             },
         )
         voxels.bind(kernel)
         voxels.faces.bind()
-        irradiance.use(slot("TEX_FACE_IRRADIANCE"))
+        if irradiance is not None:
+            irradiance.use(slot("TEX_FACE_IRRADIANCE"))
         kernel.set(cell_count=voxels.cell_count)
         if links is not None and links.links is not None:
             self.radiance[0].use(slot("TEX_FACE_RADIANCE"))

@@ -18,7 +18,7 @@ from .materials import MaterialSet
 
 @dataclass
 class Geometry:
-    """What later passes read. ``draws``: vertex array, triangle count and instance count of each mesh, for pictures."""
+    """What later passes read. ``meshes``: what is drawn to see which triangle is where."""
 
     grid: VoxelGrid
     triangle_count: int

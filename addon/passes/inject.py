@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Direct light and emission that leave each voxel face; the lights' records for all passes."""
+"""Light from lights onto the sites of voxel faces; the lights' records for all passes."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def _fill(record: np.ndarray, light: LightData, grid: VoxelGrid) -> None:
             record["spot_scale"] = [1.0 / (s if abs(s) > 1e-9 else 1e-9) for s in light.spot_scale]
     elif light.kind == LightKind.SUN:
         half = min(0.5 * light.angle, 0.5 * np.pi)
-        record["cos_cone"] = np.cos(half)
+        record["radius_grid"] = np.sin(half)  # the cosine of a small angle has no digits left
         # L pi sin^2(half) = E; a sun without a disk is not seen.
         radiance = radiance / (np.pi * np.sin(half) ** 2) if half > 1e-6 else radiance * 0.0
     else:
@@ -83,6 +83,8 @@ class LightTable:
             "HAS_AREAS": any(light.kind == LightKind.AREA for light in lights),
         }
         self.cell_size = grid.cell_size
+        if not lights:
+            return
         texels = light_records(lights, grid).view(np.uint32).reshape(-1, 4)
         self.records = self.gpu.list_texture("lights", len(texels), 4, "u4", texels)
 

@@ -150,6 +150,7 @@ class GatherPass:
         """Yields the share done."""
         self.pictures.allocate(surface.size, diffuse=features.has_diffuse_gather, glossy=features.has_glossy)
         gather_cones = features.gather_cones
+        sees_lights = features.has_glossy and features.has_lights  # glossy rays alone meet lights
         kernel = self.gpu.kernel(
             "gather",
             voxels.trace_defines
@@ -158,6 +159,7 @@ class GatherPass:
             | {
                 "HAS_DIFFUSE": features.has_diffuse_gather,
                 "HAS_GLOSSY": features.has_glossy,
+                "HAS_LIGHTS": sees_lights,
                 "GATHER_CONES": gather_cones,
                 "GATHER_OCCLUSION": features.gather_occlusion,
             },
@@ -171,7 +173,8 @@ class GatherPass:
                 radiance.use(interface.slot("TEX_FACE_RADIANCE"))
             world.bind(kernel)
             bind_pixels(kernel, surface, camera, offset)
-            lights.bind(kernel, settings)
+            if sees_lights:
+                lights.bind(kernel, settings)
             if gather_cones:
                 cones.bind(kernel)
             self.pictures.bind_images()

@@ -23,7 +23,6 @@ class Batch:
     """Materials with one program and the same textures: one dispatch serves them all."""
 
     family: int
-    texture_key: tuple
     textures: tuple[tuple[int, str, str], ...]  # image index, extension, interpolation
     uv_layers: tuple[int, ...]  # slot -> layer in MaterialSet.layers
     color_layers: tuple[int, ...]
@@ -40,6 +39,10 @@ class MaterialSet:
     values: moderngl.Texture
     batch_table: moderngl.Buffer
     textures: list[moderngl.Texture]
+
+    @property
+    def has_diffuse(self) -> bool:
+        return any(family.has_diffuse for family in self.compiled.families)
 
     @property
     def has_emission(self) -> bool:
@@ -80,7 +83,6 @@ class MaterialPass:
             textures = tuple((t.image, t.extension, t.interpolation) for t in material.textures)
             batch = Batch(
                 material.family,
-                textures,
                 textures,
                 tuple(layer("uv", name) for name in material.uv_layers),
                 tuple(layer("color", name) for name in material.color_layers),

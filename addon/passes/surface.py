@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -97,19 +98,18 @@ class SurfacePass:
         offset: tuple[float, float],
         sample: int,
         settings: Settings,
-    ) -> SurfacePictures:
-        """Fill the pictures for one pass that samples pixels at ``offset``."""
-        pictures = self.pictures
-        assert pictures is not None
+    ) -> Iterator[float]:
+        """Fill ``pictures`` for one pass that samples pixels at ``offset``. Yields the share done."""
         with self.gpu.timed("visibility"):
             self._rasterize(geometry, camera, offset)
         with self.gpu.timed("surface"):
             seed = (settings.seed * 0x9E3779B1 + sample * MAX_LAYERS) & 0xFFFFFFFF
             if geometry.triangle_count:
                 self._evaluate(geometry, materials, material_pass, camera, offset, seed, pending=False)
-                if materials.has_transparency and voxels is not None:
-                    self._look_through(geometry, voxels, materials, material_pass, camera, offset, seed)
-        return pictures
+        yield 0.5
+        if materials.has_transparency and voxels is not None and geometry.triangle_count:
+            yield from self._look_through(geometry, voxels, materials, material_pass, camera, offset, seed)
+        yield 1.0
 
     def _rasterize(self, geometry: Geometry, camera: CameraRays, offset: tuple[float, float]) -> None:
         gpu = self.gpu
@@ -219,33 +219,39 @@ class SurfacePass:
         camera: CameraRays,
         offset: tuple[float, float],
         seed: int,
-    ) -> None:
+    ) -> Iterator[float]:
+        for layer in range(1, MAX_LAYERS):
+            with self.gpu.timed("surface"):
+                if not self._advance(voxels, camera, offset):
+                    return
+                self._evaluate(
+                    geometry,
+                    materials,
+                    material_pass,
+                    camera,
+                    offset,
+                    seed + layer,
+                    pending=True,
+                    last=layer == MAX_LAYERS - 1,
+                )
+            yield 0.5 + 0.5 * layer / MAX_LAYERS
+
+    def _advance(self, voxels: Voxels, camera: CameraRays, offset: tuple[float, float]) -> bool:
+        """Find what lies behind the surfaces that this pass looks through; whether there is anything."""
         gpu, slot = self.gpu, interface.slot
         pictures = self.pictures
         assert pictures is not None and self._counters is not None
         kernel = gpu.kernel("advance", {"HAS_OPACITY": False})
-        for layer in range(1, MAX_LAYERS):
-            self._counters.clear()
-            voxels.bind(kernel)
-            kernel.set(**camera.uniforms(offset))
-            pictures.position.use(slot("TEX_POSITION"))
-            pictures.seen.bind_to_image(slot("IMG_0"), read=True, write=True)
-            pictures.position.bind_to_image(slot("IMG_1"), read=False, write=True)
-            self._counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
-            kernel.run_tiles(*pictures.size)
-            gpu.barrier()  # the count is read back, the marks by the next step
-            if not np.frombuffer(self._counters.read(4), np.uint32)[0]:
-                return
-            self._evaluate(
-                geometry,
-                materials,
-                material_pass,
-                camera,
-                offset,
-                seed + layer,
-                pending=True,
-                last=layer == MAX_LAYERS - 1,
-            )
+        self._counters.clear()
+        voxels.bind(kernel)
+        kernel.set(**camera.uniforms(offset))
+        pictures.position.use(slot("TEX_POSITION"))
+        pictures.seen.bind_to_image(slot("IMG_0"), read=True, write=True)
+        pictures.position.bind_to_image(slot("IMG_1"), read=False, write=True)
+        self._counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
+        kernel.run_tiles(*pictures.size)
+        gpu.barrier()  # the count is read back, the marks by the next step
+        return bool(np.frombuffer(self._counters.read(4), np.uint32)[0])
 
     def show_lights(
         self, lights: LightTable, camera: CameraRays, offset: tuple[float, float], settings: Settings

@@ -173,8 +173,6 @@ def test_release_is_complete(gpu: GpuContext) -> None:
 
 def report(gpu: GpuContext, made: SceneData, settings: Settings) -> tuple[Features, list[str], set[str], set[str]]:
     """Features, passes that ran, programs that were compiled, storage that was allocated."""
-    session = gpu.mgl
-    del session
     compiled: set[str] = set()
     original = gpu.kernel
 
@@ -202,8 +200,8 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "direct", "gather", "compose",
     }  # fmt: skip
     assert programs == {
-        "transform", "work", "voxel_mark", "voxel_pairs", "voxel_accumulate", "voxel_resolve", "voxel_sites", "inject",
-        "link", "bounce", "pixel_bins", "surface", "light_shapes", "direct", "gather", "compose",
+        "clear", "transform", "work", "voxel_mark", "voxel_pairs", "voxel_accumulate", "voxel_resolve", "voxel_sites",
+        "inject", "link", "bounce", "pixel_bins", "surface", "light_shapes", "direct", "gather", "compose",
     }  # fmt: skip
     for absent in (
         "face emission",
@@ -220,7 +218,7 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
 def test_empty_scene_needs_only_this(gpu: GpuContext) -> None:
     features, passes, programs, memory = report(gpu, scenes.scene(), scenes.settings(16))
     assert features.names == []
-    assert programs <= {"work", "voxel_mark", "voxel_pairs", "voxel_resolve", "voxel_sites", "compose"}
+    assert programs <= {"clear", "work", "voxel_mark", "voxel_pairs", "voxel_resolve", "voxel_sites", "compose"}
     assert "direct light" not in memory and "indirect light" not in memory and "face radiance" not in memory
     assert "link" not in passes and "gather" not in passes and "bounce" not in passes
 

@@ -58,7 +58,7 @@ def test_lights_obey_shadows_and_visibility(gpu: GpuContext) -> None:
 
 
 def test_emission_leaves_its_face(gpu: GpuContext) -> None:
-    made = scenes.scene((scenes.plane(2.0), scenes.emission((4.0, 2.0, 0.5))))
+    made = scenes.scene((scenes.plane(2.0), scenes.glowing(1e-6, (4.0, 2.0, 0.5))))
     with pipeline(gpu, made, scenes.settings(8, bounces=0), samples=0) as ready:
         found = radiance(ready)
         np.testing.assert_allclose(found, np.broadcast_to([4.0, 2.0, 0.5], found.shape), rtol=1e-3)

@@ -257,8 +257,8 @@ def test_what_is_not_there_is_named(lit_blend: pathlib.Path, tmp_path: pathlib.P
     assert "has no view layer 'X'; it has: Main, Other" in said
     said = refuse(lit_blend, *CYCLES, "--set", "bounce=3", folder=tmp_path, status=2)
     assert "there is no setting 'bounce'; known settings: samples, rays" in said
-    assert "bounces: 99 is not a whole number from 0 to 64" in refuse(
-        lit_blend, *CYCLES, "--set", "bounces=99", folder=tmp_path, status=2)
+    assert "bounces: 9999 is not a whole number from 0 to 1024" in refuse(
+        lit_blend, *CYCLES, "--set", "bounces=9999", folder=tmp_path, status=2)
     assert "'.' is a folder" in refuse(lit_blend, "-o", "out.png", "--stats", ".", folder=tmp_path)
     (tmp_path / "file").touch()
     assert "output 'file/a.png': the folder cannot be made" in refuse(lit_blend, "-o", "file/a.png", folder=tmp_path)

@@ -298,10 +298,12 @@ def test_missing_file_is_magenta_and_named() -> None:
     assert any("'Wall'" in w and "'gone'" in w and "/nowhere/gone.png" in w for w in warnings), warnings
 
 
-def test_no_image_is_black() -> None:
+def test_no_image_is_magenta_and_said() -> None:
     material = new_material()
     emit(material, add(material, "ShaderNodeTexImage").outputs["Color"])
-    assert not compiled(material)[1].families[0].has_emission
+    _, result, *_ = compiled(material)
+    assert result.families[0].has_emission
+    assert any("image" in warning for warning in result.warnings)
 
 
 def test_packed_image_without_its_file(tmp_path: Path) -> None:

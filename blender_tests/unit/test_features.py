@@ -12,7 +12,7 @@ from addon.scene import LightKind, RayVisibility, SceneData
 from addon.settings import Settings
 from blender_tests.passes import scenes
 
-PLAIN = {"emission": False, "transparency": False, "specular": False, "world": False}
+PLAIN = {"diffuse": True, "emission": False, "transparency": False, "specular": False, "world": False}
 
 
 def features(made: SceneData, settings: Settings | None = None, **has: bool) -> set[str]:

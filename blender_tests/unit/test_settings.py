@@ -95,11 +95,11 @@ def test_pass_names_follow_the_version() -> None:
     names = {version: [p.blender_name(version) for p in film.PASSES] for version in ((4, 5, 15), (5, 0, 0), (5, 2, 3))}
     assert names[4, 5, 15] == [
         "Combined", "Depth", "Position", "Normal", "DiffDir", "DiffInd", "DiffCol", "GlossDir", "GlossInd", "GlossCol",
-        "Emit", "Env", "AO",
+        "Emit", "Env",
     ]  # fmt: skip
     assert names[5, 2, 3] == names[5, 0, 0] == [
         "Combined", "Depth", "Position", "Normal", "Diffuse Direct", "Diffuse Indirect", "Diffuse Color",
-        "Glossy Direct", "Glossy Indirect", "Glossy Color", "Emission", "Environment", "Ambient Occlusion",
+        "Glossy Direct", "Glossy Indirect", "Glossy Color", "Emission", "Environment",
     ]  # fmt: skip
     assert {p.panel for p in film.PASSES} == {"Data", "Light"}
     assert [p.kind for p in film.PASSES[:4]] == ["COLOR", "VALUE", "VECTOR", "VECTOR"]

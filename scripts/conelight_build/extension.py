@@ -78,7 +78,8 @@ def gather(folder: str) -> None:
     """Copies everything that is shipped into ``folder``."""
     unwanted = shutil.ignore_patterns("__pycache__", "*.pyc", ".*")
     shutil.copytree(os.path.join(ROOT, "addon"), folder, ignore=unwanted, dirs_exist_ok=True)
-    shutil.copytree(os.path.join(ROOT, "shaders"), os.path.join(folder, "shaders"), ignore=unwanted)
+    shaders = os.path.join(folder, "shaders")
+    shutil.copytree(os.path.join(ROOT, "shaders"), shaders, ignore=shutil.ignore_patterns("tests", ".*"))
     shutil.copy(os.path.join(ROOT, "LICENSE"), folder)
     wheels = os.path.join(folder, "wheels")
     os.mkdir(wheels)

@@ -34,12 +34,6 @@ float unit_float(uint bits)
     return float(bits >> 8) * (1.0 / 16777216.0);
 }
 
-vec2 unit_vec2(uint seed)
-{
-    uint a = hash(seed);
-    return vec2(unit_float(a), unit_float(hash(a)));
-}
-
 vec3 unit_vec3(uint seed)
 {
     uint a = hash(seed);

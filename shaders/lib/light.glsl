@@ -54,7 +54,7 @@ float falloff_factor(float distance_m)
 // Uniform over the projected disk: L pi sin^2(half angle) = E, whatever the angle.
 LightSample sample_sun(Light light, vec2 u)
 {
-    vec2 offset = sample_disk(u) * sqrt(max(0.0, 1.0 - light.cos_cone * light.cos_cone));
+    vec2 offset = sample_disk(u) * light.radius_grid;
     float along = sqrt(max(1e-6, 1.0 - dot(offset, offset)));
     vec3 direction = light.axis_x * offset.x + light.axis_y * offset.y + light.axis_z * along;
     return LightSample(direction, 1e30, light.intensity / along);
@@ -144,7 +144,7 @@ LightSample sample_light(Light light, vec3 position, vec2 u)
 float light_half_angle(Light light, vec3 position)
 {
     if (light.kind == LIGHT_SUN) {
-        return acos(clamp(light.cos_cone, -1.0, 1.0));
+        return asin(clamp(light.radius_grid, 0.0, 1.0));
     }
     return atan(light.radius_grid, max(distance(position, light.position_grid), 1e-6));
 }
@@ -154,7 +154,8 @@ vec3 light_along_ray(Light light, vec3 origin, vec3 direction, out float distanc
 {
     distance = 1e30;
     if (light.kind == LIGHT_SUN) {
-        return light.cos_cone < 1.0 && dot(direction, light.axis_z) >= light.cos_cone ? light.radiance : vec3(0.0);
+        bool inside = dot(direction, light.axis_z) > 0.0 && length(cross(direction, light.axis_z)) < light.radius_grid;
+        return inside ? light.radiance : vec3(0.0);
     }
     vec3 to_light = light.position_grid - origin;
     if (light.kind == LIGHT_AREA) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
 // What a material is asked (ShadingPoint) and what it answers (Surface). Every compiled material is one function
 //     void evaluate_material(in ShadingPoint p, out Surface s);
 // run wherever a material is needed: at pixels, at voxels.

@@ -10,7 +10,9 @@
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
+#if HAS_LIGHTS
 layout(binding = TEX_FACE_IRRADIANCE) uniform sampler2D face_irradiance_tex;
+#endif
 #if HAS_EMISSION
 layout(binding = TEX_FACE_EMISSION) uniform sampler2D face_emission_tex;
 #endif
@@ -37,7 +39,10 @@ void main()
     }
     uint face = face_index(record, facing);
     uint site = face_index(record, site_facing(record, facing));
-    vec3 incoming = texelFetch(face_irradiance_tex, list_texel(site), 0).rgb;
+    vec3 incoming = vec3(0.0);
+#if HAS_LIGHTS
+    incoming += texelFetch(face_irradiance_tex, list_texel(site), 0).rgb;
+#endif
 #if !FIRST
     vec3 sum = vec3(0.0);
     uint quads = link_count / 4u;

@@ -4,7 +4,10 @@
 // Output: diffuse_out: mean incoming radiance, to be multiplied by the diffuse reflectance; glossy_out: radiance.
 
 #include "lib/radiance.glsl"
+#include "lib/sampling.glsl"
+#if HAS_LIGHTS
 #include "lib/light.glsl"
+#endif
 #include "lib/pixel.glsl"
 #include "lib/camera.glsl"
 #if HAS_WORLD
@@ -116,6 +119,7 @@ void main()
                 vec3 weight = fresnel(p.f0, p.f90, max(dot(view, half_vector), 0.0)) *
                               (ggx_masking(n_l, n_v, alpha) / ggx_masking_view(n_v, alpha));
                 vec3 radiance = incoming(origin, direction, RAY_GLOSSY, hash(seed, 3u + sample_index), distance);
+#if HAS_LIGHTS
                 for (uint k = 0u; k < light_count; ++k) {
                     float light_distance;
                     Light light = fetch_light(lights_tex, k);
@@ -129,6 +133,7 @@ void main()
                         }
                     }
                 }
+#endif
                 glossy = limited(radiance * weight);
             }
         }

@@ -30,7 +30,7 @@ void main()
             continue;
         }
         uint seed = hash(hash(site.face) + k, random_seed);
-        bool has_size = light.kind == LIGHT_SUN ? light.cos_cone < 0.9999 : light.radius_grid > 0.25;
+        bool has_size = light.radius_grid > (light.kind == LIGHT_SUN ? 0.01 : 0.25);
         uint samples = has_size ? SAMPLES : 1u;
         vec3 sum = vec3(0.0);
         for (uint i = 0u; i < samples; ++i) {
