@@ -113,7 +113,7 @@ def build_scene() -> None:
     """Cube and light of a new file, on a floor, with a sphere, a torus and a text."""
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=14, location=(0, 0, -1))
-    bpy.ops.mesh.primitive_uv_sphere_add(location=(2.2, 0.5, 0))
+    bpy.ops.mesh.primitive_uv_sphere_add(location=(2.2, 0.5, 0))  # its corners come in another order each time
     bpy.ops.object.shade_smooth()
     bpy.ops.mesh.primitive_torus_add(location=(-2.2, 1.2, 0), rotation=(0.9, 0.2, 0))
     bpy.ops.object.text_add(location=(-1, -3, -0.9))

@@ -25,7 +25,6 @@ pytestmark = [
     pytest.mark.skipif(not BLENDER, reason="CONELIGHT_BLENDER_WINDOW names no Blender: no test in a window"),
     pytest.mark.skipif(not os.environ.get("DISPLAY"), reason="there is no display: no test in a window"),
     pytest.mark.skipif(not shutil.which("xdotool"), reason="there is no xdotool: no test in a window"),
-    pytest.mark.timeout(900),
     pytest.mark.slow,
 ]
 
