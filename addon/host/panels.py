@@ -175,8 +175,8 @@ class OBJECT_PT_conelight_ray_visibility(_OwnPanel, bpy.types.Panel):
 def _draw_sentences(layout: Any, sentences: list[str], icon: str) -> None:
     """Sentences as labels, broken into lines as wide as the editor: Blender does not wrap text."""
     region, scale = bpy.context.region, bpy.context.preferences.system.ui_scale
-    pixels = (region.width if region else 500) / scale - 60  # icon and margins take 60, a letter 6.3
-    width = max(int(pixels / 6.3), 16)
+    pixels = region.width / scale if region and scale else 440.0  # without a window there is no scale
+    width = max(int((pixels - 60) / 6.3), 16)  # icon and margins take 60, a letter 6.3
     column = layout.column(align=True)
     for text in sentences:
         line, first = "", True
