@@ -19,6 +19,10 @@ ENGINE_ID = "CONELIGHT"
 #: Least seconds between two updates of the picture while it is rendered. Reading it back costs time.
 _UPDATE_INTERVAL = 1.0
 
+#: Seconds that a render leaves Python to Blender's interface, and the least time between two such pauses. Without them
+#: the interface gets Python once for each call of OpenGL, and needs it dozens of times to draw itself.
+_PAUSE, _PAUSE_INTERVAL = 0.005, 0.05
+
 _log = logging.getLogger(__name__)
 
 
@@ -38,6 +42,7 @@ class ConelightEngine(bpy.types.RenderEngine):
     # Blender runs __init__ twice on each engine, so there is none: these become the object's own when first set.
     _session: Session | None = None
     _failed: bool = False
+    _last_pause: float = 0.0
 
     def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
         """Tells the compositor and the render result which passes there are."""
@@ -118,6 +123,9 @@ class ConelightEngine(bpy.types.RenderEngine):
         is_preview = self._session is not None and self._session.is_preview
         if session.progress_listener is not None and not is_preview:
             session.progress_listener(fraction, text)
+        if not bpy.app.background and time.perf_counter() - self._last_pause > _PAUSE_INTERVAL:
+            time.sleep(_PAUSE)
+            self._last_pause = time.perf_counter()
         return not self.test_break()
 
     def _fail(self, error: BaseException) -> None:

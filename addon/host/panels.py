@@ -172,8 +172,11 @@ class OBJECT_PT_conelight_ray_visibility(_OwnPanel, bpy.types.Panel):
             layout.prop(context.object, f"visible_{kind}", text=kind.capitalize())
 
 
-def _draw_sentences(layout: Any, sentences: list[str], icon: str, width: int = 60) -> None:
-    """Sentences as labels, broken into lines: Blender does not wrap text."""
+def _draw_sentences(layout: Any, sentences: list[str], icon: str) -> None:
+    """Sentences as labels, broken into lines as wide as the editor: Blender does not wrap text."""
+    region, scale = bpy.context.region, bpy.context.preferences.system.ui_scale
+    pixels = region.width / scale if region and scale else 440.0  # without a window there is no scale
+    width = max(int((pixels - 60) / 6.3), 16)  # icon and margins take 60, a letter 6.3
     column = layout.column(align=True)
     for text in sentences:
         line, first = "", True
@@ -181,7 +184,7 @@ def _draw_sentences(layout: Any, sentences: list[str], icon: str, width: int = 6
             if word is not None and len(line) + len(word) < width:
                 line = f"{line} {word}".strip()
                 continue
-            column.label(text=line, icon=icon if first else "BLANK1")
+            column.label(text=line, icon=icon if first or icon == "NONE" else "BLANK1")
             line, first = word or "", False
 
 
@@ -189,17 +192,17 @@ def _draw_memory(layout: Any, settings: Any) -> None:
     """How much memory voxels will take, and took."""
     voxels, memory = session.last_statistics.get("voxels", []), session.last_statistics.get("memory", {})
     used = sum(memory.values()) if voxels and memory else 0
-    column = layout.column(align=True)
     if settings.voxel_auto:
-        column.label(text=f"Memory: up to {settings.memory_budget} MiB")
+        lines = [f"Memory: up to {settings.memory_budget} MiB"]
     elif used:  # surfaces grow with the square of the resolution
         estimate = used * (settings.voxel_resolution / max(voxels)) ** 2
-        column.label(text=f"Memory: about {estimate / 2**20:.0f} MiB, from the last render")
+        lines = [f"Memory: about {estimate / 2**20:.0f} MiB, from the last render"]
     else:
         estimate = estimate_memory(settings.voxel_resolution, (1.0, 1.0, 1.0), 6.0, settings.bounce_rays)
-        column.label(text=f"Memory: about {estimate / 2**20:.0f} MiB for a closed room")
+        lines = [f"Memory: about {estimate / 2**20:.0f} MiB for a closed room"]
     if used:
-        column.label(text=f"Last render: {' x '.join(map(str, voxels))} voxels, {used / 2**20:.0f} MiB")
+        lines.append(f"Last render: {' x '.join(map(str, voxels))} voxels, {used / 2**20:.0f} MiB")
+    _draw_sentences(layout, lines, "NONE")
 
 
 def _settings_panels() -> Iterator[type]:
