@@ -75,7 +75,10 @@ def files_under(folder: str) -> list[str]:
 def plan(targets: Sequence[str], second_driver: bool) -> list[Run]:
     """Processes for some targets (none: everything)."""
     by_group: dict[str, list[str]] = {"unit": [], "passes": [], "renders": [], "window": []}
-    for target in targets or [os.path.join(TESTS, name) for name in ("unit", "passes", "renders")]:
+    groups = ["unit", "passes", "renders"]
+    if os.environ.get("CONELIGHT_BLENDER_WINDOW"):  # names a Blender that can open a window
+        groups.append("window")
+    for target in targets or [os.path.join(TESTS, name) for name in groups]:
         path, separator, rest = target.partition("::")
         path = os.path.abspath(path)
         for file in [path] if os.path.isfile(path) else files_under(path):
