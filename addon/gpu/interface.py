@@ -46,7 +46,6 @@ BUFFERS = (
     "BUF_POSITIONS",  # float[3 V]
     "BUF_MATERIALS",  # uint[]: slots of instances, or batch of each material; world parameters
     "BUF_WORK",  # work items, pixel lists
-    "BUF_PAIRS",  # uvec4[]: a triangle in a cell
     "BUF_SUMS",  # voxelization sums, arguments of dispatches
     "BUF_COUNTS",  # counters and cursors
 )
@@ -77,11 +76,13 @@ TEXTURE_ALIASES = {
     "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, root of weight / MAX_FACE_WEIGHT
     "TEX_FACE_EMISSION": "TEX_DIFFUSE",  # rgba32f list: W/(m2 sr)
     "TEX_FACE_IRRADIANCE": "TEX_F0",  # rgba32f list: of sites, from lights, over pi
+    "TEX_SITES": "TEX_CONES",  # r32ui list: faces where visibility is traced
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
     # Materials, where no ray is traced.
     "TEX_ATTRIBUTES": "TEX_BRICKS",  # r32ui list: corner normals, UV and colour layers
     "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters
+    "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
     "TEX_CELL_POSITIONS": "TEX_CELL_OPACITIES",  # r32ui list: x | y << 11 | z << 22
     # Composition reads no grid: what it composes has the grid's units.
     "TEX_DIRECT_DIFFUSE": "TEX_TRIANGLES",
@@ -90,8 +91,8 @@ TEXTURE_ALIASES = {
     "TEX_INDIRECT_GLOSSY": "TEX_CELLS",
 }
 #: Material textures share units with what a step that evaluates materials never reads. GL promises sixteen units, so
-#: nine textures; more where the driver has more.
-FIRST_MATERIAL_TEXTURE = 7
+#: eight textures; more where the driver has more.
+FIRST_MATERIAL_TEXTURE = 8
 MAX_MATERIAL_TEXTURES = 24
 
 IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_7")

@@ -46,7 +46,7 @@ def _literal_text(value: npt.NDArray[np.float64]) -> str:
 
 
 #: Samplers that every GL 4.3 driver has left for a material's images.
-LEAST_TEXTURES = 9
+LEAST_TEXTURES = 8
 
 
 def mean_colour(image: ImageData) -> npt.NDArray[np.float64]:

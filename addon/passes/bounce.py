@@ -41,21 +41,22 @@ class LinkPass:
         if world.is_lit:
             self.sky = gpu.list_texture("sky light of faces", voxels.faces.count, 4, "f4")
         kernel = gpu.kernel("link", voxels.trace_defines | world.defines)
-        threads = 6 * voxels.cell_count  # one for each facing of each cell: see facing_of_thread() in the shaders
+        assert voxels.sites is not None
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // self.count)
-        for first in range(0, threads, step):
+        for first in range(0, voxels.site_count, step):
             with gpu.timed("link"):
                 voxels.bind(kernel)
                 world.bind(kernel)
                 voxels.faces.bind()
+                voxels.sites.use(slot("TEX_SITES"))
                 links.bind_to_image(slot("IMG_0"), read=False, write=True)
                 if self.sky is not None:
                     self.sky.bind_to_image(slot("IMG_1"), read=False, write=True)
                 kernel.set(
-                    thread_first=first, cell_count=voxels.cell_count, link_count=self.count, random_seed=settings.seed
+                    site_first=first, site_count=voxels.site_count, link_count=self.count, random_seed=settings.seed
                 )
-                kernel.run_list(min(step, threads - first))
-            yield min(1.0, (first + step) / threads)
+                kernel.run_list(min(step, voxels.site_count - first))
+            yield min(1.0, (first + step) / voxels.site_count)
         gpu.barrier()  # bounces read links and sky
 
     def release(self) -> None:

@@ -117,20 +117,21 @@ class InjectPass:
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 4, "f4")
         self.irradiance = irradiance
         kernel = self.gpu.kernel("inject", voxels.trace_defines | lights.defines(settings))
-        threads = 6 * voxels.cell_count  # one for each facing of each cell: see facing_of_thread() in the shaders
+        assert voxels.sites is not None
         step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, lights.count))
-        for first in range(0, threads, step):
+        for first in range(0, voxels.site_count, step):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
                 voxels.faces.bind()
+                voxels.sites.use(interface.slot("TEX_SITES"))
                 lights.bind(kernel, settings)
                 irradiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 kernel.set(
-                    thread_first=first, cell_count=voxels.cell_count, random_seed=settings.seed,
+                    site_first=first, site_count=voxels.site_count, random_seed=settings.seed,
                     use_shadows=settings.use_shadows,
                 )  # fmt: skip
-                kernel.run_list(min(step, threads - first))
-            yield min(1.0, (first + step) / threads)
+                kernel.run_list(min(step, voxels.site_count - first))
+            yield min(1.0, (first + step) / voxels.site_count)
         self.gpu.barrier()  # bounces read it as a texture
 
     def release(self) -> None:

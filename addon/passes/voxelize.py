@@ -60,6 +60,8 @@ class Voxels:
     faces: Faces
     triangles: moderngl.Texture
     cell_count: int
+    sites: moderngl.Texture | None  # r32ui list: faces where visibility is traced, alike ones next to each other
+    site_count: int
     pair_count: int  # triangles, counted once for each cell they enter
 
     @property
@@ -118,6 +120,29 @@ def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarra
     return (x | y << 11 | z << 22).astype(np.uint32)
 
 
+def cell_axes(facings: np.ndarray) -> np.ndarray:
+    """Work of pass voxel_resolve: cell | axis << 30 for each axis that a cell has faces on, axis by axis.
+
+    ``facings``: (cells,) uint32, bits 0 to 5.
+    """
+    parts = [np.flatnonzero(facings >> (2 * axis) & 1).astype(np.uint32) | np.uint32(axis << 30) for axis in range(3)]
+    return np.concatenate(parts)
+
+
+def site_faces(records: np.ndarray) -> np.ndarray:
+    """(sites,) uint32: faces that are the site of their surface, facing by facing: neighbours in the list are alike.
+
+    ``records``: (cells, 4) uint32, as lib/grid.glsl describes them.
+    """
+    packed = records[:, 3]
+    parts = []
+    for facing in range(6):
+        chosen = (packed >> facing & 1 == 1) & (packed >> (6 + 3 * facing) & 7 == facing)
+        before = _POPCOUNT[packed[chosen] & ((1 << facing) - 1)]
+        parts.append(records[chosen, 2] + before)
+    return np.concatenate(parts).astype(np.uint32)
+
+
 class VoxelizePass:
     """Owns the voxels of one scene."""
 
@@ -163,16 +188,16 @@ class VoxelizePass:
         yield 0.25
 
         with gpu.timed("voxelize"):
-            pairs = gpu.buffer("voxel pairs", size=16 * int(starts[-1]))
+            pairs = gpu.list_texture("voxel pairs", int(starts[-1]), 4, "u4")
             counts = gpu.buffer("voxel counts", size=8 * cells)
             self._temporary += [pairs, counts]
             kernel = gpu.kernel("voxel_pairs").set(grid_size=grid.size, work_count=total)
             bricks.use(slot("TEX_BRICKS"))
             counts.bind_to_storage_buffer(slot("BUF_SUMS"))
-            pairs.bind_to_storage_buffer(slot("BUF_PAIRS"))
+            pairs.bind_to_image(slot("IMG_0"), read=False, write=True)
             kernel.run_list(total)
             gpu.barrier()  # the counts are read back, the pairs by the next step
-            voxels = self._allocate(geometry, materials, bricks, counts, cells)
+            voxels, facings = self._allocate(geometry, materials, bricks, counts, cells)
             positions = gpu.list_texture("voxel cell positions", cells, 1, "u4", packed if cells else None)
             self._temporary.append(positions)
         yield 0.4
@@ -199,7 +224,7 @@ class VoxelizePass:
                     material_pass.bind(batch, kernel)
                     voxels.cells.use(slot("TEX_CELLS"))
                     positions.use(slot("TEX_CELL_POSITIONS"))
-                    pairs.bind_to_storage_buffer(slot("BUF_PAIRS"))
+                    pairs.use(slot("TEX_PAIRS"))
                     sums.bind_to_storage_buffer(slot("BUF_SUMS"))
                     counts.bind_to_storage_buffer(slot("BUF_COUNTS"))
                     voxels.cell_triangles.bind_to_image(slot("IMG_0"), read=False, write=True)
@@ -212,33 +237,46 @@ class VoxelizePass:
 
         with gpu.timed("voxelize"):
             gpu.barrier()  # sums and lists are complete
-            self._resolve(voxels, materials, sums, packed, words)
+            self._resolve(voxels, materials, sums, positions, facings, words)
         self.voxels = voxels
         yield 1.0
 
     def _resolve(
-        self, voxels: Voxels, materials: MaterialSet, sums: moderngl.Buffer, packed: np.ndarray, words: int
+        self,
+        voxels: Voxels,
+        materials: MaterialSet,
+        sums: moderngl.Buffer,
+        positions: moderngl.Texture,
+        facings: np.ndarray,
+        words: int,
     ) -> None:
         gpu, slot = self.gpu, interface.slot
-        positions = gpu.buffer("voxel cell positions", packed)
-        self._temporary.append(positions)
+        axes = cell_axes(facings)
+        work = gpu.buffer("voxel work", axes)
+        self._temporary.append(work)
         kernel = gpu.kernel("voxel_resolve", {"HAS_EMISSION": materials.has_emission})
         voxels.bind(kernel)
-        kernel.set(cell_count=len(packed), sum_words=words)
+        kernel.set(work_count=len(axes), sum_words=words)
+        positions.use(slot("TEX_CELL_POSITIONS"))
         sums.bind_to_storage_buffer(slot("BUF_SUMS"))
-        positions.bind_to_storage_buffer(slot("BUF_WORK"))
+        work.bind_to_storage_buffer(slot("BUF_WORK"))
         faces = voxels.faces
         faces.place.bind_to_image(slot("IMG_0"), read=False, write=True)
         faces.reflectance.bind_to_image(slot("IMG_1"), read=False, write=True)
         if faces.emission is not None:
             faces.emission.bind_to_image(slot("IMG_2"), read=False, write=True)
-        kernel.run_list(3 * len(packed))
+        kernel.run_list(len(axes))
         gpu.barrier()  # sites are found from the faces
-        kernel = gpu.kernel("voxel_sites").set(cell_count=len(packed))
+        kernel = gpu.kernel("voxel_sites").set(cell_count=voxels.cell_count)
         faces.bind()
         voxels.cells.bind_to_image(slot("IMG_0"), read=True, write=True)
-        kernel.run_list(len(packed))
-        gpu.barrier()  # injection and links read faces and sites
+        kernel.run_list(voxels.cell_count)
+        gpu.barrier()  # read back; injection and links read faces and sites
+        records = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
+        sites = site_faces(records)
+        voxels.site_count = len(sites)
+        voxels.sites = gpu.list_texture("sites", len(sites), 1, "u4", sites if len(sites) else None)
+        self._owned.append(voxels.sites)
 
     def _work(self, geometry: Geometry) -> tuple[int, moderngl.Buffer]:
         """How many work items there are, and the items."""
@@ -284,7 +322,8 @@ class VoxelizePass:
         bricks: moderngl.Texture3D,
         counts: moderngl.Buffer,
         cells: int,
-    ) -> Voxels:
+    ) -> tuple[Voxels, np.ndarray]:
+        """The voxels, still empty, and which ways the surfaces of each cell face."""
         gpu = self.gpu
         table = np.frombuffer(counts.read(), np.uint32)[: 2 * cells].reshape(-1, 2)
         records = np.zeros((max(cells, 1), 4), np.uint32)
@@ -311,10 +350,20 @@ class VoxelizePass:
         self._owned += [
             cell_texture, triangles, opacities, textures.place, textures.reflectance, textures.emission,
         ]  # fmt: skip
-        return Voxels(
-            geometry.grid, bricks, cell_texture, triangles, opacities, textures, geometry.triangles,
-            cells, pairs,
-        )  # fmt: skip
+        voxels = Voxels(
+            grid=geometry.grid,
+            bricks=bricks,
+            cells=cell_texture,
+            cell_triangles=triangles,
+            cell_opacities=opacities,
+            faces=textures,
+            triangles=geometry.triangles,
+            cell_count=cells,
+            sites=None,
+            site_count=0,
+            pair_count=pairs,
+        )
+        return voxels, records[:cells, 3].copy()
 
     def release(self) -> None:
         """Free everything."""

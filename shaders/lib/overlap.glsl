@@ -189,10 +189,14 @@ void visit_cells(uint triangle_index, uint item)
             if (area == 0.0) {
                 continue;
             }
-            vec3 u = a - base, v = b - base, w = c - base;
-            // Where an outline passes a cell at a distance, its segments cancel but for their rounding.
-            if (area < 1e-4 &&
-                (is_apart(u.xy, v.xy, w.xy) || is_apart(u.yz, v.yz, w.yz) || is_apart(u.zx, v.zx, w.zx))) {
+            // Where an outline passes a cell at a distance, its segments cancel but for their rounding. (A loop, not an
+            // `if`: software rasterizers run the inside of an `if` whether it holds or not.)
+            bool apart = false;
+            for (bool unsure = area < 1e-4; unsure; unsure = false) {
+                vec3 u = a - base, v = b - base, w = c - base;
+                apart = is_apart(u.xy, v.xy, w.xy) || is_apart(u.yz, v.yz, w.yz) || is_apart(u.zx, v.zx, w.zx);
+            }
+            if (apart) {
                 continue;
             }
             vec2 centre = clamp(sums.yz / sums.x, 0.0, 1.0);

@@ -4,8 +4,10 @@
 #include "lib/trace.glsl"
 #include "lib/face.glsl"
 
-uniform uint thread_first;
-uniform uint cell_count;
+layout(binding = TEX_SITES) uniform usampler2D sites_tex;
+
+uniform uint site_first;  // of this dispatch
+uniform uint site_count;  // of all
 
 struct Site {
     uint face;      // whose place it is; NONE_INDEX: this thread has no site
@@ -13,16 +15,13 @@ struct Site {
     vec3 normal;
 };
 
-// The site that this thread works on, when there is one thread for each facing of each cell.
 Site site_of_thread()
 {
     Site site = Site(NONE_INDEX, vec3(0.0), vec3(0.0));
-    uint thread = thread_first + invocation_index();
-    uint facing = facing_of_thread(thread, cell_count);
-    uvec4 record = texelFetch(cells_tex, list_texel(cell_of_thread(thread, cell_count)), 0);
-    if (has_facing(record, facing) && site_facing(record, facing) == facing) {
+    uint index = site_first + invocation_index();
+    if (index < site_count) {
         vec3 position;
-        site.face = face_index(record, facing);
+        site.face = texelFetch(sites_tex, list_texel(index), 0).r;
         fetch_face_place(site.face, position, site.normal);
         site.origin = position + site.normal * RAY_START;
     }

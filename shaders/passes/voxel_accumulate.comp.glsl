@@ -14,7 +14,7 @@ layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
 layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
-layout(std430, binding = BUF_PAIRS) readonly buffer Pairs { uvec4 pairs[]; };
+layout(binding = TEX_PAIRS) uniform usampler2D pairs_tex;
 layout(std430, binding = BUF_SUMS) buffer Sums { uint sums[]; };
 layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };  // next list entry of each cell
 layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
@@ -53,7 +53,7 @@ void main()
     if (number >= pair_count) {
         return;
     }
-    uvec4 pair = pairs[pair_first + number];
+    uvec4 pair = texelFetch(pairs_tex, list_texel(pair_first + number), 0);
     Triangle triangle = fetch_triangle(pair.x);
     uint index = pair.y;
     float area = uintBitsToFloat(pair.z);

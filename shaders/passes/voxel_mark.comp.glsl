@@ -19,7 +19,11 @@ void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, 
 {
     uint bit = brick_bit(cell);
     ivec3 brick = cell / BRICK;
-    imageAtomicOr(mask_img, ivec3(2 * brick.x + int(bit >> 5), brick.yz), 1u << (bit & 31u));
+    ivec3 at = ivec3(2 * brick.x + int(bit >> 5), brick.yz);
+    uint value = 1u << (bit & 31u);
+    if ((imageLoad(mask_img, at).r & value) == 0u) {  // most are set already, and looking is cheaper
+        imageAtomicOr(mask_img, at, value);
+    }
     ++pairs;
 }
 

@@ -12,7 +12,7 @@ layout(std430, binding = BUF_WORK) readonly buffer Work { uvec2 work[]; };
 layout(std430, binding = BUF_MATERIALS) readonly buffer Batches { uint batch_of_material[]; };
 layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };  // next pair of each batch
 layout(std430, binding = BUF_SUMS) buffer Cells { uint cells[]; };
-layout(std430, binding = BUF_PAIRS) writeonly buffer Pairs { uvec4 pairs[]; };
+layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D pair_img;
 
 uniform uint work_count;
 
@@ -26,10 +26,12 @@ void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, 
     }
     atomicAdd(cells[2u * index], 1u);
     uint faces = (normal.x != 0.0 ? 3u : 0u) | (normal.y != 0.0 ? 12u : 0u) | (normal.z != 0.0 ? 48u : 0u);
-    atomicOr(cells[2u * index + 1u], faces);
+    if ((cells[2u * index + 1u] & faces) != faces) {
+        atomicOr(cells[2u * index + 1u], faces);
+    }
     uvec3 centre = uvec3(clamp(centre_grid - vec3(cell), 0.0, 1.0) * 1023.0 + 0.5);
-    pairs[atomicAdd(cursors[batch], 1u)] =
-        uvec4(triangle_index, index, floatBitsToUint(area), centre.x | centre.y << 10 | centre.z << 20);
+    uvec4 pair = uvec4(triangle_index, index, floatBitsToUint(area), centre.x | centre.y << 10 | centre.z << 20);
+    imageStore(pair_img, list_texel(atomicAdd(cursors[batch], 1u)), pair);
 }
 
 void main()

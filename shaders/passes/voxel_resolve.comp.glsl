@@ -11,14 +11,15 @@ layout(local_size_x = GROUP_SIZE) in;
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
 layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
 layout(std430, binding = BUF_SUMS) readonly buffer Sums { uint sums[]; };
-layout(std430, binding = BUF_WORK) readonly buffer CellPositions { uint cell_positions[]; };  // x | y << 11 | z << 22
+layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
+layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cell | axis << 30
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
 layout(binding = IMG_1, rgba16) writeonly uniform image2D reflectance_img;
 #if HAS_EMISSION
 layout(binding = IMG_2, rgba32f) writeonly uniform image2D emission_img;
 #endif
 
-uniform uint cell_count;
+uniform uint work_count;
 uniform uint sum_words;
 
 struct Face {
@@ -87,18 +88,14 @@ void store(uint index, Face face)
 
 void main()
 {
-    // Neighbouring threads take the same axis of neighbouring cells: what they do is alike.
     uint number = invocation_index();
-    uint index = number % max(cell_count, 1u);
-    uint facing = 2u * (number / max(cell_count, 1u));
-    if (facing >= 6u) {
+    if (number >= work_count) {
         return;
     }
+    uint index = work[number] & 0x3FFFFFFFu;
+    uint facing = 2u * (work[number] >> 30);
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
-    if ((record.w >> facing & 1u) == 0u) {
-        return;  // both facings of an axis are there, or neither
-    }
-    uint packed_position = cell_positions[index];
+    uint packed_position = texelFetch(cell_positions_tex, list_texel(index), 0).r;
     vec3 corner = vec3(packed_position & 2047u, packed_position >> 11 & 2047u, packed_position >> 22);
     uint first = face_index(record, facing);
     float totals[2] = float[2](float(sums[first * sum_words]), float(sums[(first + 1u) * sum_words]));
