@@ -16,10 +16,10 @@ MARGIN = 1.37
 
 #: Bytes of an occupied cell: its record and, with five triangles on average, its list.
 BYTES_PER_CELL = 16 + 5 * 4
-#: Faces of an occupied cell, as counted in architectural scenes, and what each takes: place, reflectance, irradiance,
-#: radiance twice and sky. Links come on top.
-FACES_PER_CELL = 4.5
-BYTES_PER_FACE = 16 + 8 + 16 + 2 * 16 + 16
+#: Faces of an occupied cell, as counted in architectural scenes, and what each takes: place, reflectance, order,
+#: irradiance, radiance twice and sky. Links come on top.
+FACES_PER_CELL = 2.5
+BYTES_PER_FACE = 16 + 8 + 4 + 16 + 2 * 16 + 16
 
 
 @dataclass(frozen=True)

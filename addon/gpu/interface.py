@@ -55,7 +55,7 @@ TEXTURES = (
     "TEX_TRIANGLES",  # rgba32ui 2D, three texels a triangle: corner 0, edge 1, edge 2 in grid space; w: packed integers
     "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, distance in bricks
     "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
-    "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings and their sites
+    "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
     "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells
     "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them
@@ -75,8 +75,8 @@ TEXTURE_ALIASES = {
     "TEX_FACE_PLACE": "TEX_POSITION",  # rgba32ui list: position (grid space), normal (octahedral)
     "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, root of weight / MAX_FACE_WEIGHT
     "TEX_FACE_EMISSION": "TEX_DIFFUSE",  # rgba32f list: W/(m2 sr)
-    "TEX_FACE_IRRADIANCE": "TEX_F0",  # rgba32f list: of sites, from lights, over pi
-    "TEX_SITES": "TEX_CONES",  # r32ui list: faces where visibility is traced
+    "TEX_FACE_IRRADIANCE": "TEX_F0",  # rgba32f list: from lights, over pi
+    "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones next to each other
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
     # Materials, where no ray is traced.

@@ -41,22 +41,21 @@ class LinkPass:
         if world.is_lit:
             self.sky = gpu.list_texture("sky light of faces", voxels.faces.count, 4, "f4")
         kernel = gpu.kernel("link", voxels.trace_defines | world.defines)
-        assert voxels.sites is not None
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // self.count)
-        for first in range(0, voxels.site_count, step):
+        for first in range(0, voxels.faces.count, step):
             with gpu.timed("link"):
                 voxels.bind(kernel)
                 world.bind(kernel)
                 voxels.faces.bind()
-                voxels.sites.use(slot("TEX_SITES"))
+                voxels.faces.order.use(slot("TEX_FACE_ORDER"))
                 links.bind_to_image(slot("IMG_0"), read=False, write=True)
                 if self.sky is not None:
                     self.sky.bind_to_image(slot("IMG_1"), read=False, write=True)
                 kernel.set(
-                    site_first=first, site_count=voxels.site_count, link_count=self.count, random_seed=settings.seed
+                    site_first=first, face_count=voxels.faces.count, link_count=self.count, random_seed=settings.seed
                 )
-                kernel.run_list(min(step, voxels.site_count - first))
-            yield min(1.0, (first + step) / voxels.site_count)
+                kernel.run_list(min(step, voxels.faces.count - first))
+            yield min(1.0, (first + step) / voxels.faces.count)
         gpu.barrier()  # bounces read links and sky
 
     def release(self) -> None:
@@ -114,19 +113,18 @@ class BouncePass:
                 "HAS_WORLD": links is not None and links.sky is not None,
             },
         )
-        voxels.bind(kernel)
         voxels.faces.bind()
         if irradiance is not None:
             irradiance.use(slot("TEX_FACE_IRRADIANCE"))
-        kernel.set(cell_count=voxels.cell_count)
+        kernel.set(face_count=voxels.faces.count)
         if links is not None and links.links is not None:
             self.radiance[0].use(slot("TEX_FACE_RADIANCE"))
             links.links.use(slot("TEX_LINKS"))
             if links.sky is not None:
                 links.sky.use(slot("TEX_WORLD"))
-            kernel.set(link_count=links.count, face_count=voxels.faces.count)
+            kernel.set(link_count=links.count)
         target.bind_to_image(slot("IMG_0"), read=False, write=True)
-        kernel.run_list(6 * voxels.cell_count)
+        kernel.run_list(voxels.faces.count)
         gpu.barrier()  # the next bounce and the gather read what this one wrote
 
     def release(self) -> None:

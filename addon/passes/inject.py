@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light from lights onto the sites of voxel faces; the lights' records for all passes."""
+"""Light from lights onto voxel faces; the lights' records for all passes."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class LightTable:
 
 
 class InjectPass:
-    """Owns the light that lights send onto the sites of all faces."""
+    """Owns the light that lights send onto all faces."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
@@ -117,21 +117,20 @@ class InjectPass:
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 4, "f4")
         self.irradiance = irradiance
         kernel = self.gpu.kernel("inject", voxels.trace_defines | lights.defines(settings))
-        assert voxels.sites is not None
         step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, lights.count))
-        for first in range(0, voxels.site_count, step):
+        for first in range(0, voxels.faces.count, step):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
                 voxels.faces.bind()
-                voxels.sites.use(interface.slot("TEX_SITES"))
+                voxels.faces.order.use(interface.slot("TEX_FACE_ORDER"))
                 lights.bind(kernel, settings)
                 irradiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 kernel.set(
-                    site_first=first, site_count=voxels.site_count, random_seed=settings.seed,
+                    site_first=first, face_count=voxels.faces.count, random_seed=settings.seed,
                     use_shadows=settings.use_shadows,
                 )  # fmt: skip
-                kernel.run_list(min(step, voxels.site_count - first))
-            yield min(1.0, (first + step) / voxels.site_count)
+                kernel.run_list(min(step, voxels.faces.count - first))
+            yield min(1.0, (first + step) / voxels.faces.count)
         self.gpu.barrier()  # bounces read it as a texture
 
     def release(self) -> None:

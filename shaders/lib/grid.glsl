@@ -49,8 +49,7 @@ vec3 facing_vector(uint facing)
     return axis;
 }
 
-// Cells have a record (rgba32ui): first triangle, triangle count, first face, and packed facings: bits 0 to 5 say which
-// there are, bits 6 to 23 hold three for each facing: the facing whose place and light stand for it too (its site).
+// Cells have a record (rgba32ui): first triangle, triangle count, first face, and a bit for each facing there is.
 
 // Index of a cell's face: faces of a cell follow each other in the order of their bits.
 uint face_index(uvec4 record, uint facing)
@@ -58,24 +57,7 @@ uint face_index(uvec4 record, uint facing)
     return record.z + bitCount(record.w & ((1u << facing) - 1u));
 }
 
-uint site_facing(uvec4 record, uint facing)
-{
-    return record.w >> (6u + 3u * facing) & 7u;
-}
-
 bool has_facing(uvec4 record, uint facing)
 {
     return facing < 6u && (record.w >> facing & 1u) != 0u;
-}
-
-// Facing that a thread works on when there is one thread for each facing of each cell: neighbouring threads take the
-// same facing of neighbouring cells, so that what they do is alike.
-uint facing_of_thread(uint number, uint cell_count)
-{
-    return number / max(cell_count, 1u);
-}
-
-uint cell_of_thread(uint number, uint cell_count)
-{
-    return number % max(cell_count, 1u);
 }

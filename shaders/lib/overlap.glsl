@@ -19,12 +19,6 @@ const int COLUMNS_PER_ITEM = 8;
 
 void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal);
 
-int dominant_axis(vec3 n)
-{
-    vec3 a = abs(n);
-    return a.x > a.y ? (a.x > a.z ? 0 : 2) : (a.y > a.z ? 1 : 2);
-}
-
 // Turn the axes so that `axis` becomes z, and back.
 vec3 turn(vec3 v, int axis)
 {

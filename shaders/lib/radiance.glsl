@@ -5,35 +5,20 @@
 
 layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_radiance_tex;
 
-// The facing that stands for unit normal n: chosen with probability n_axis^2, which sums to 1.
-uint choose_facing(vec3 n, float random)
-{
-    vec3 p = n * n;
-    int axis = random < p.x ? 0 : (random < p.x + p.y ? 1 : 2);
-    return uint(2 * axis) + (n[axis] < 0.0 ? 1u : 0u);
-}
-
-// A face of occupied cell `index` for a surface with normal n; NONE_INDEX when the cell has none that looks that way.
-uint find_face(uint index, vec3 n, float random)
+// A face of occupied cell `index` for a surface with normal n: the one that looks most along n; NONE_INDEX when none does
+// within 60 degrees. (A normal is within 55 degrees of the axis it is nearest to.)
+uint find_face(uint index, vec3 n)
 {
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
-    uint facing = choose_facing(n, random);
-    if ((record.w >> facing & 1u) == 0u) {
-        // Rounding can leave out the least of three facings: take the one that looks most along n.
-        facing = choose_facing(n, 0.0);
-        float best = 0.0;
-        for (uint other = 0u; other < 6u; ++other) {
-            float along = dot(facing_vector(other), n);
-            if ((record.w >> other & 1u) != 0u && along > best) {
-                best = along;
-                facing = other;
-            }
-        }
-        if (best == 0.0) {
-            return NONE_INDEX;
-        }
+    uint facing = NONE_INDEX;
+    float best = 0.5;
+    for (uint other = 0u; other < 6u; ++other) {
+        float along = dot(facing_vector(other), n);
+        bool better = has_facing(record, other) && along > best;
+        facing = better ? other : facing;
+        best = better ? along : best;
     }
-    return face_index(record, facing);
+    return facing == NONE_INDEX ? NONE_INDEX : face_index(record, facing);
 }
 
 // The voxel face that stands for the surface at a hit. Looking it up at a point moved by up to half a cell along the
@@ -41,17 +26,16 @@ uint find_face(uint index, vec3 n, float random)
 uint face_at_hit(vec3 position, Hit hit, uint seed)
 {
     vec3 random = unit_vec3(seed);
-    float choice = unit_float(hash(seed, 0x51ED27u));
     vec3 shift = random - 0.5;
     vec3 moved = position + shift - hit.normal * dot(shift, hit.normal);
     uint index = cell_index(ivec3(floor(moved)));
-    uint face = index == NONE_INDEX ? NONE_INDEX : find_face(index, hit.normal, choice);
+    uint face = index == NONE_INDEX ? NONE_INDEX : find_face(index, hit.normal);
     if (face == NONE_INDEX) {
         index = cell_index(ivec3(floor(position)));
         if (index == NONE_INDEX) {
             index = cell_index(hit.cell);
         }
-        face = index == NONE_INDEX ? NONE_INDEX : find_face(index, hit.normal, choice);
+        face = index == NONE_INDEX ? NONE_INDEX : find_face(index, hit.normal);
     }
     return face;
 }

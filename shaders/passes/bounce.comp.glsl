@@ -2,14 +2,12 @@
 // Radiance of voxel faces. FIRST: what lights send off them, and what they emit.
 // Otherwise one bounce more: L <- emission + reflectance * (light from lights + mean of L over the links + sky).
 // Jacobi iteration; it converges, as reflectance is at most 1 and what leaves the scene is lost.
-// Input: cells, faces, irradiance, links, sky_tex, face_radiance_tex.    Output: radiance_img, W/(m2 sr).
+// Input: faces, irradiance, links, sky_tex, face_radiance_tex.    Output: radiance_img, W/(m2 sr).
 
-#include "lib/grid.glsl"
 #include "lib/face.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
 #if HAS_LIGHTS
 layout(binding = TEX_FACE_IRRADIANCE) uniform sampler2D face_irradiance_tex;
 #endif
@@ -23,31 +21,26 @@ layout(binding = TEX_LINKS) uniform usampler2D links_tex;
 layout(binding = TEX_WORLD) uniform sampler2D sky_tex;
 #endif
 uniform uint link_count;
-uniform uint face_count;
 #endif
 layout(binding = IMG_0, rgba32f) writeonly uniform image2D radiance_img;
 
-uniform uint cell_count;
+uniform uint face_count;
 
 void main()
 {
-    uint thread = invocation_index();
-    uint facing = facing_of_thread(thread, cell_count);
-    uvec4 record = texelFetch(cells_tex, list_texel(cell_of_thread(thread, cell_count)), 0);
-    if (!has_facing(record, facing)) {
+    uint face = invocation_index();
+    if (face >= face_count) {
         return;
     }
-    uint face = face_index(record, facing);
-    uint site = face_index(record, site_facing(record, facing));
     vec3 incoming = vec3(0.0);
 #if HAS_LIGHTS
-    incoming += texelFetch(face_irradiance_tex, list_texel(site), 0).rgb;
+    incoming += texelFetch(face_irradiance_tex, list_texel(face), 0).rgb;
 #endif
 #if !FIRST
     vec3 sum = vec3(0.0);
     uint quads = link_count / 4u;
     for (uint q = 0u; q < quads; ++q) {
-        uvec4 links = texelFetch(links_tex, list_texel(site * quads + q), 0);
+        uvec4 links = texelFetch(links_tex, list_texel(face * quads + q), 0);
         for (int k = 0; k < 4; ++k) {
             vec3 radiance = texelFetch(face_radiance_tex, list_texel(min(links[k], face_count - 1u)), 0).rgb;
             sum += links[k] == NONE_INDEX ? vec3(0.0) : radiance;
@@ -55,7 +48,7 @@ void main()
     }
     incoming += sum / float(link_count);
 #if HAS_WORLD
-    incoming += texelFetch(sky_tex, list_texel(site), 0).rgb;
+    incoming += texelFetch(sky_tex, list_texel(face), 0).rgb;
 #endif
 #endif
     vec3 radiance = fetch_face_reflectance(face).rgb * incoming;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Levels of the volume that cones read. FIRST: level 0 from the voxel faces.    Otherwise: a level from the finer one.
-// The area opacity of a cell of side s is the area in it over s^2, so a coarser cell holds a quarter of the sum of its
+// A surface of area A and normal n is opacity A max(0, n.d) / s^2 for facing d in a cell of side s, so a coarser cell holds a quarter of the sum of its
 // eight children: means over the columns, sums along the axis.
 // Input: cells, faces, their radiance; or the finer level.    Output: level_img: (opacity L, opacity).
 
@@ -42,10 +42,14 @@ void main()
             uint index = cell_index(child);
             if (index != NONE_INDEX) {
                 uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
-                if ((record.w >> facing & 1u) != 0u) {
-                    uint face = face_index(record, uint(facing));
-                    float opacity = fetch_face_reflectance(face).a;
-                    sum += opacity * vec4(texelFetch(face_radiance_tex, list_texel(face), 0).rgb, 1.0);
+                for (uint other = 0u; other < 6u; ++other) {
+                    if (has_facing(record, other)) {
+                        uint face = face_index(record, other);
+                        vec3 place, normal;
+                        fetch_face_place(face, place, normal);
+                        float opacity = fetch_face_reflectance(face).a * max(dot(normal, facing_vector(uint(facing))), 0.0);
+                        sum += opacity * vec4(texelFetch(face_radiance_tex, list_texel(face), 0).rgb, 1.0);
+                    }
                 }
             }
 #else

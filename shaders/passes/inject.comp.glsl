@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Direct light that falls on each site (a surface point that one or more voxel faces stand for).
+// Direct light that falls on each voxel face.
 // Input: faces, lights, triangles of cells.    Output: irradiance_img: irradiance / pi, W/(m2 sr).
 // Follows Crassin et al. 2011, "Interactive Indirect Illumination Using Voxel Cone Tracing".
 // Differs: visibility is a ray against the geometry for occupied voxels only, not a light-view map or a march.

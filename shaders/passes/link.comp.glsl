@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Which faces does each site (a surface point that one or more voxel faces stand for) see? Cosine-distributed rays, exact against the geometry, end at other faces: these
+// Which faces does each voxel face see? Cosine-distributed rays, exact against the geometry, end at other faces: these
 // are its links, a Monte Carlo estimate of form factors. They depend on geometry alone, so bounces and changes of light
 // trace nothing. Rays that leave the scene bring the world's light, averaged here.
 // Input: faces, triangles of cells.    Output: link_img (link_count numbers of faces for each face), sky_img: W/(m2 sr), mean over all rays.

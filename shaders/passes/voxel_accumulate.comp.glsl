@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Sum what surfaces bring to the faces of every cell, and list the cell's triangles.
-// A surface of area A and normal n counts for facing d with weight A max(0, n.d). A sheet has two sides, but what its
-// back looks like is asked only where no front faces that way (pass voxel_resolve): a thin wall keeps two colours.
+// A surface counts, with its area, for the facing that its normal is nearest to. A sheet has two sides, but what its back
+// looks like is asked only where no front faces that way (pass voxel_resolve): a thin wall keeps two colours.
 // Sums are integers: the order of threads cannot show.
 // Input: pairs of one batch, triangles, materials, cells with their positions.
 // Output: sums of faces, triangles of cells.
@@ -83,23 +83,21 @@ void main()
     vec3 reflectance = surface.diffuse + specular_directional_albedo(surface.specular_f0, surface.specular_f90,
                                                                      surface.roughness, 0.5);
     reflectance = min(reflectance / max(opacity, 1e-3), 1.0);
-    uint seed = hash(pair.x, packed_position);
-    for (int axis = 0; axis < 3; ++axis) {
-        float weight = area * abs(normal[axis]);
-        if (weight == 0.0) {
-            continue;
-        }
-        uint facing = uint(2 * axis) + (normal[axis] < 0.0 ? 1u : 0u);
-        uint at = face_index(record, facing) * sum_words;
-        uint random = hash(seed + facing);
-        atomicAdd(sums[at], fixed_point(weight, random));
-        for (uint k = 0u; k < 3u; ++k) {
-            random = hash(random);
-            atomicAdd(sums[at + 1u + k], fixed_point(weight * reflectance[k], random));
-            atomicAdd(sums[at + 4u + k], fixed_point(weight * inside[k], random << 5));
+    // The cell has faces on this axis, unless two axes are equally near and were told apart otherwise there.
+    int axis = dominant_axis(normal);
+    for (int k = 0; k < 2 && !has_facing(record, uint(2 * axis)); ++k) {
+        axis = (axis + 1) % 3;
+    }
+    uint facing = uint(2 * axis) + (normal[axis] < 0.0 ? 1u : 0u);
+    uint at = face_index(record, facing) * sum_words;
+    uint random = hash(pair.x, packed_position);
+    atomicAdd(sums[at], fixed_point(area, random));
+    for (uint k = 0u; k < 3u; ++k) {
+        random = hash(random);
+        atomicAdd(sums[at + 1u + k], fixed_point(area * reflectance[k], random));
+        atomicAdd(sums[at + 4u + k], fixed_point(area * inside[k], random << 5));
 #if HAS_EMISSION
-            add_64(at + FACE_SUM_WORDS + 2u * k, weight * surface.emission[k] / max(opacity, 1e-3));
+        add_64(at + FACE_SUM_WORDS + 2u * k, area * surface.emission[k] / max(opacity, 1e-3));
 #endif
-        }
     }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Write the pairs of triangle and cell, each batch from its own start; count the triangles of every occupied cell, and
-// note which ways its surfaces face (both sides of each).
+// note which ways its surfaces face: each by the axis its normal is nearest to, and both sides of it.
 // Input: work items, triangles, cell numbering, batch of each material.
 // Output: pairs (triangle, cell, area, centre in the cell); for each cell (triangle count, face mask).
 
@@ -25,7 +25,7 @@ void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, 
         return;
     }
     atomicAdd(cells[2u * index], 1u);
-    uint faces = (normal.x != 0.0 ? 3u : 0u) | (normal.y != 0.0 ? 12u : 0u) | (normal.z != 0.0 ? 48u : 0u);
+    uint faces = 3u << uint(2 * dominant_axis(normal));
     if ((cells[2u * index + 1u] & faces) != faces) {
         atomicOr(cells[2u * index + 1u], faces);
     }
