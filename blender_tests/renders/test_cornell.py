@@ -51,8 +51,12 @@ def test_walls_colour_what_is_near_them(pair: tuple[Picture, Picture]) -> None:
 
 
 def test_small_emitter() -> None:
-    """A glowing quad of 30 cm lights the room as brightly as in Cycles; how noisy it is does not count here."""
+    """A glowing quad of 30 cm lights the room as brightly as in Cycles; how noisy it is does not count here.
+
+    Few of a face's rays meet so small a lamp: with the default of 8 brightness is right on average, but differs by some
+    5 % from seed to seed. 64 leave 2 %.
+    """
     scene = SCENES["cornell_emitter"]
     scene.build()
-    picture = rendering.conelight(scene.size, voxels=64, samples=128)
+    picture = rendering.conelight(scene.size, voxels=64, samples=128, bounce_rays=64)
     assert abs(bias(picture, read(REFERENCES / "cornell_emitter.cycles.exr"))) <= BRIGHTNESS
