@@ -180,7 +180,7 @@ class Settings:
         cost="little: visibility is found once for all bounces",
     )
     bounce_rays: int = _setting(
-        "Rays per Bounce",
+        "Rays per Face",
         8,
         "Directions in which each voxel face sees others; rounded up to a multiple of four.",
         Panel.LIGHT,
