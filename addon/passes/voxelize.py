@@ -3,9 +3,9 @@
 
 The cells that surfaces enter are marked, one bit each, in bricks of 4x4x4, and numbered; then every pair of a triangle
 and a cell it enters is written down; then the pairs are listed cell by cell (rays are exact against the triangles) and
-their materials summed face by face. Everything is
-allocated from counts. Overlaps are exact (lib/overlap.glsl), so no cell is missed, and all sums are integers, so the
-same scene gives the same bits on every run.
+their materials summed face by face, a surface into the face that its normal is nearest to. Everything is allocated from
+counts. Overlaps are exact (lib/overlap.glsl), so no cell is missed, and all sums are integers, so the same scene gives
+the same bits on every run.
 """
 
 from __future__ import annotations

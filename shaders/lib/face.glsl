@@ -19,7 +19,8 @@ void fetch_face_place(uint face, out vec3 position, out vec3 normal)
     normal = octahedral_decode(unpackSnorm2x16(place.w));
 }
 
-// rgb: reflectance, diffuse and specular together, as a Lambertian; a: area that faces this way, in sides of cells.
+// rgb: reflectance, diffuse and specular together, as a Lambertian; a: area of the surfaces that are
+// nearest to this facing, in sides of cells.
 vec4 fetch_face_reflectance(uint face)
 {
     vec4 stored = texelFetch(face_reflectance_tex, list_texel(face), 0);

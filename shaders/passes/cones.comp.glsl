@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Levels of the volume that cones read. FIRST: level 0 from the voxel faces.    Otherwise: a level from the finer one.
-// A surface of area A and normal n is opacity A max(0, n.d) / s^2 for facing d in a cell of side s, so a coarser cell holds a quarter of the sum of its
-// eight children: means over the columns, sums along the axis.
+// A surface of area A and normal n is opacity A max(0, n.d) / s^2 for facing d in a cell of side s, so a coarser cell holds
+// a quarter of the sum of its eight children: means over the columns, sums along the axis.
 // Input: cells, faces, their radiance; or the finer level.    Output: level_img: (opacity L, opacity).
 
 #include "lib/grid.glsl"
