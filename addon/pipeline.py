@@ -2,7 +2,7 @@
 """The frame, top to bottom. One pipeline serves a viewport, an F12 render or a preview; it knows nothing of Blender.
 
     prepare: materials -> geometry -> voxels -> lights -> injection -> links -> bounces (-> cones)
-    sample:  surfaces -> direct light -> gather -> film
+    sample:  surfaces -> direct light -> gather -> reflections -> film
 
 Each step of ``prepare`` is redone only when something it depends on has changed. Both are generators that yield between
 pieces of work of well under half a second, so that a caller can show progress and stop.
@@ -21,12 +21,15 @@ from .features import Features
 from .gpu.context import GpuContext
 from .grid import VoxelGrid, choose_resolution, scene_bounds
 from .passes.bounce import BouncePass, LinkPass
-from .passes.compose import Film
+from .passes.compose import Film, PixelLight
 from .passes.cones import ConeVolume
+from .passes.direct import DirectPass
+from .passes.frame import Frame, LitVoxels
+from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
 from .passes.inject import InjectPass, LightTable
-from .passes.lighting import DirectPass, GatherPass
 from .passes.materials import MaterialPass
+from .passes.reflect import ReflectPass
 from .passes.surface import SurfacePass
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
@@ -97,6 +100,7 @@ class Pipeline:
         self._surface = SurfacePass(gpu)
         self._direct = DirectPass(gpu)
         self._gather = GatherPass(gpu)
+        self._reflect = ReflectPass(gpu)
         self._scene: SceneData | None = None
         self._settings = Settings()
         self._size = (0, 0)
@@ -202,8 +206,10 @@ class Pipeline:
         self._surface.allocate(size, len(materials.batches))
         if not features.has_direct:
             self._direct.release()
-        if not (features.has_diffuse_gather or features.has_glossy):
+        if not features.has_diffuse_gather:
             self._gather.release()
+        if not features.has_glossy:
+            self._reflect.release()
         self.film.start(size, self._wanted)
         self._camera = CameraRays.of(scene.camera, grid, size)
         if self.gpu.mgl.error == "GL_OUT_OF_MEMORY":
@@ -246,48 +252,36 @@ class Pipeline:
         geometry, voxels, materials = self._geometry.geometry, self._voxelize.voxels, self._materials.set
         if scene is None or features is None or geometry is None or voxels is None or materials is None:
             raise PipelineError("nothing was prepared to render")
-        index = self.film.samples
+        camera, index = self._camera, self.film.samples
         offset = pixel_offset(index, scene.pixel_filter_width)
-        camera = self._camera
         surface = self._surface.pictures
         assert surface is not None
         for share in self._surface.run(geometry, voxels, materials, self._materials, camera, offset, index, settings):
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, camera, offset, settings)
+        frame = Frame(index, camera, offset, surface, features, settings)
+        radiance = self._bounce.radiance[0] if features.needs_radiance else None
+        lit = LitVoxels(voxels, radiance, self._lights, self._world, self._cones)
+        splits = self.film.splits_light
         if features.has_direct:
-            for share in self._direct.run(
-                surface, voxels, self._lights, self._cones, camera, offset, index, features, settings
-            ):
+            for share in self._direct.run(frame, lit):
                 yield Progress(0.2 + 0.2 * share, "Direct light")
-        if features.has_diffuse_gather or features.has_glossy:
-            radiance = self._bounce.radiance[0] if features.needs_radiance else None
-            for share in self._gather.run(
-                surface,
-                voxels,
-                radiance,
-                self._lights,
-                self._world,
-                self._cones,
-                camera,
-                offset,
-                index,
-                features,
-                settings,
-            ):
-                yield Progress(0.4 + 0.5 * share, "Indirect light")
-        self.film.add(
-            scene,
-            surface,
-            self._direct.pictures if features.has_direct else None,
-            self._gather.pictures if features.has_diffuse_gather or features.has_glossy else None,
-            self._world,
-            camera,
-            offset,
-            geometry.grid,
-            features,
-            settings,
+        if features.has_diffuse_gather:
+            for share in self._gather.run(frame, lit, keeps_emitted=splits):
+                yield Progress(0.4 + 0.4 * share, "Indirect light")
+        if features.has_glossy:
+            for share in self._reflect.run(frame, lit, keeps_emitted=splits):
+                yield Progress(0.8 + 0.2 * share, "Reflections")
+        light = PixelLight(
+            direct_diffuse=self._direct.diffuse,
+            direct_glossy=self._direct.glossy,
+            gathered=self._gather.incoming,
+            gathered_emitted=self._gather.emitted,
+            reflected=self._reflect.radiance,
+            reflected_emitted=self._reflect.emitted,
         )
+        self.film.add(frame, lit, scene, light)
         yield Progress(1.0, "Pass done")
 
     # Report -----------------------------------------------------------------------------------------------------
@@ -318,6 +312,7 @@ class Pipeline:
             self._surface,
             self._direct,
             self._gather,
+            self._reflect,
             self._cones,
             self._bounce,
             self._inject,

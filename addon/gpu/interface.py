@@ -87,8 +87,10 @@ TEXTURE_ALIASES = {
     # Composition reads no grid: what it composes has the grid's units.
     "TEX_DIRECT_DIFFUSE": "TEX_TRIANGLES",
     "TEX_DIRECT_GLOSSY": "TEX_BRICKS",
-    "TEX_INDIRECT_DIFFUSE": "TEX_INSTANCES",
-    "TEX_INDIRECT_GLOSSY": "TEX_CELLS",
+    "TEX_GATHERED": "TEX_INSTANCES",
+    "TEX_GATHERED_EMITTED": "TEX_CELLS",
+    "TEX_REFLECTED": "TEX_CORNERS",
+    "TEX_REFLECTED_EMITTED": "TEX_CELL_TRIANGLES",
 }
 #: Material textures share units with what a step that evaluates materials never reads. GL promises sixteen units, so
 #: eight textures; more where the driver has more.

@@ -4,20 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 
-from ..camera import CameraRays
-from ..features import Features
 from ..gpu import interface
 from ..gpu.context import GpuContext
-from ..grid import VoxelGrid
 from ..scene import FloatArray, SceneData
-from ..settings import Settings
-from .lighting import LightingPictures
-from .surface import SurfacePictures, bind_pixels
-from .world import WorldLight
+from .frame import Frame, LitVoxels
 
 #: Name -> channels, and whether it is an average over passes or the first pass's value.
 OUTPUTS: dict[str, tuple[int, bool]] = {
@@ -36,6 +31,22 @@ OUTPUTS: dict[str, tuple[int, bool]] = {
 }
 
 
+#: Outputs that tell light straight from where it is made from light that was passed on.
+SPLIT_OUTPUTS = ("diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect")
+
+
+@dataclass(frozen=True)
+class PixelLight:
+    """Light at pixels; None: there is none of this kind."""
+
+    direct_diffuse: moderngl.Texture | None = None  # irradiance / pi
+    direct_glossy: moderngl.Texture | None = None  # reflected radiance
+    gathered: moderngl.Texture | None = None  # mean incoming radiance
+    gathered_emitted: moderngl.Texture | None = None  # what of it comes straight from where it is made
+    reflected: moderngl.Texture | None = None  # radiance
+    reflected_emitted: moderngl.Texture | None = None
+
+
 class Film:
     """Sums in float32, one picture for each output that was asked for."""
 
@@ -44,6 +55,11 @@ class Film:
         self.samples = 0
         self.size = (0, 0)
         self._sums: dict[str, moderngl.Texture] = {}
+
+    @property
+    def splits_light(self) -> bool:
+        """Whether an output tells light straight from where it is made from light that was passed on."""
+        return any(name in self._sums for name in SPLIT_OUTPUTS)
 
     @property
     def names(self) -> list[str]:
@@ -76,32 +92,22 @@ class Film:
         self._sums = {}
         self.size = (0, 0)
 
-    def add(
-        self, scene: SceneData, surface: SurfacePictures, direct: LightingPictures | None,
-        indirect: LightingPictures | None, world: WorldLight, camera: CameraRays, offset: tuple[float, float],
-        grid: VoxelGrid, features: Features, settings: Settings,
-    ) -> None:
+    def add(self, frame: Frame, lit: LitVoxels, scene: SceneData, light: PixelLight) -> None:
         """Add one pass to all sums."""
-        slot = interface.slot
-        numbers: dict[str, object] = {f"OUTPUT_{name.upper()}": index for index, name in enumerate(OUTPUTS)}
-        has = {
-            "HAS_DIRECT": direct is not None and direct.diffuse is not None,
-            "HAS_DIFFUSE": indirect is not None and indirect.diffuse is not None,
-            "HAS_GLOSSY": indirect is not None and indirect.glossy is not None,
-            "WORLD_IS_TEXTURE": world.texture is not None,
-        }
+        slot, camera, settings, grid = interface.slot, frame.camera, frame.settings, lit.voxels.grid
+        defines: dict[str, object] = {f"OUTPUT_{name.upper()}": index for index, name in enumerate(OUTPUTS)}
+        defines |= {f"HAS_{name.upper()}": texture is not None for name, texture in vars(light).items()}
+        defines["WORLD_IS_TEXTURE"] = lit.world.texture is not None
         with self.gpu.timed("compose"):
-            for name, texture in self._sums.items():
-                kernel = self.gpu.kernel("compose", numbers | has | {"OUTPUT": f"OUTPUT_{name.upper()}"})
-                bind_pixels(kernel, surface, camera, offset)
-                surface.emission.use(slot("TEX_EMISSION"))
-                world.bind(kernel)
-                for pictures, kind in ((direct, "DIRECT"), (indirect, "INDIRECT")):
-                    if pictures is not None and pictures.diffuse is not None:
-                        pictures.diffuse.use(slot(f"TEX_{kind}_DIFFUSE"))
-                    if pictures is not None and pictures.glossy is not None:
-                        pictures.glossy.use(slot(f"TEX_{kind}_GLOSSY"))
-                texture.bind_to_image(slot("IMG_0"), read=True, write=True)
+            for name, picture in self._sums.items():
+                kernel = self.gpu.kernel("compose", defines | {"OUTPUT": f"OUTPUT_{name.upper()}"})
+                frame.bind(kernel)
+                frame.surface.emission.use(slot("TEX_EMISSION"))
+                lit.world.bind(kernel)
+                for kind, texture in vars(light).items():
+                    if texture is not None:
+                        texture.use(slot(f"TEX_{kind.upper()}"))
+                picture.bind_to_image(slot("IMG_0"), read=True, write=True)
                 kernel.set(
                     direct_amount=settings.direct_amount if settings.use_direct else 0.0,
                     indirect_amount=settings.indirect_amount if settings.use_indirect else 0.0,
@@ -109,7 +115,7 @@ class Film:
                     exposure=scene.exposure, film_transparent=scene.film_transparent,
                     camera_forward=tuple(camera.forward), camera_position=tuple(camera.position),
                     cell_size=grid.cell_size, grid_origin_ws=grid.origin, first_pass=self.samples == 0,
-                )
+                )  # fmt: skip
                 kernel.run_tiles(*self.size)
             self.gpu.barrier()  # the next pass adds to these sums; read-back reads them
         self.samples += 1

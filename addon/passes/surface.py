@@ -278,9 +278,3 @@ class SurfacePass:
         self._owned = []
         self.pictures = None
         self._batches = 0
-
-
-def bind_pixels(kernel: Kernel, pictures: SurfacePictures, camera: CameraRays, offset: tuple[float, float]) -> None:
-    """What every pass over pixels needs."""
-    pictures.bind()
-    kernel.set(**camera.uniforms(offset))

@@ -9,10 +9,24 @@
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 
 layout(binding = TEX_EMISSION) uniform sampler2D emission_tex;
+#if HAS_DIRECT_DIFFUSE
 layout(binding = TEX_DIRECT_DIFFUSE) uniform sampler2D direct_diffuse_tex;
+#endif
+#if HAS_DIRECT_GLOSSY
 layout(binding = TEX_DIRECT_GLOSSY) uniform sampler2D direct_glossy_tex;
-layout(binding = TEX_INDIRECT_DIFFUSE) uniform sampler2D indirect_diffuse_tex;
-layout(binding = TEX_INDIRECT_GLOSSY) uniform sampler2D indirect_glossy_tex;
+#endif
+#if HAS_GATHERED
+layout(binding = TEX_GATHERED) uniform sampler2D gathered_tex;
+#endif
+#if HAS_GATHERED_EMITTED
+layout(binding = TEX_GATHERED_EMITTED) uniform sampler2D gathered_emitted_tex;
+#endif
+#if HAS_REFLECTED
+layout(binding = TEX_REFLECTED) uniform sampler2D reflected_tex;
+#endif
+#if HAS_REFLECTED_EMITTED
+layout(binding = TEX_REFLECTED_EMITTED) uniform sampler2D reflected_emitted_tex;
+#endif
 layout(binding = IMG_0, rgba32f) uniform image2D sum_img;
 
 uniform float direct_amount;
@@ -25,6 +39,68 @@ uniform vec3 camera_position;  // grid space
 uniform float cell_size;
 uniform vec3 grid_origin_ws;
 uniform bool first_pass;       // depth, normal and position are those of the first pass
+
+// Diffuse: to be multiplied by the reflectance. Direct: from lights, and what rays bring straight from where light is
+// made; indirect: what surfaces pass on. Cycles divides its passes so.
+
+vec3 emitted_diffuse(ivec2 at)
+{
+#if HAS_GATHERED_EMITTED
+    return indirect_amount * texelFetch(gathered_emitted_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec3 emitted_glossy(ivec2 at)
+{
+#if HAS_REFLECTED_EMITTED
+    return specular_amount * texelFetch(reflected_emitted_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec3 from_lights_diffuse(ivec2 at)
+{
+#if HAS_DIRECT_DIFFUSE
+    return direct_amount * texelFetch(direct_diffuse_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec3 from_lights_glossy(ivec2 at)
+{
+#if HAS_DIRECT_GLOSSY
+    return specular_amount * direct_amount * texelFetch(direct_glossy_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec3 gathered_diffuse(ivec2 at)
+{
+#if HAS_GATHERED
+    return indirect_amount * texelFetch(gathered_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec3 gathered_glossy(ivec2 at)
+{
+#if HAS_REFLECTED
+    return specular_amount * texelFetch(reflected_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec4 of_surface(bool is_surface, vec3 radiance)
+{
+    return is_surface ? vec4(radiance * exposure, 1.0) : vec4(0.0);
+}
 
 vec4 composed(ivec2 at, vec4 before)
 {
@@ -43,38 +119,19 @@ vec4 composed(ivec2 at, vec4 before)
     if (position.w == 0.0) {
         return before + (film_transparent ? vec4(0.0) : vec4(world_along(direction) * exposure, 1.0));
     }
-    vec3 radiance = emission;
-#if HAS_DIRECT
-    radiance += direct_amount * p.diffuse * texelFetch(direct_diffuse_tex, at, 0).rgb;
-#endif
-#if HAS_DIFFUSE
-    radiance += indirect_amount * p.diffuse * texelFetch(indirect_diffuse_tex, at, 0).rgb;
-#endif
-#if HAS_GLOSSY
-#if HAS_DIRECT
-    radiance += specular_amount * direct_amount * texelFetch(direct_glossy_tex, at, 0).rgb;
-#endif
-    radiance += specular_amount * texelFetch(indirect_glossy_tex, at, 0).rgb;
-#endif
-    return before + vec4(radiance * exposure, 1.0);
+    vec3 diffuse = from_lights_diffuse(at) + gathered_diffuse(at);
+    vec3 glossy = from_lights_glossy(at) + gathered_glossy(at);
+    return before + vec4((emission + p.diffuse * diffuse + glossy) * exposure, 1.0);
 #elif OUTPUT == OUTPUT_DIFFUSE_DIRECT
-#if HAS_DIRECT
-    return before + (is_surface ? vec4(direct_amount * texelFetch(direct_diffuse_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
-#endif
+    return before + of_surface(is_surface, from_lights_diffuse(at) + emitted_diffuse(at));
 #elif OUTPUT == OUTPUT_DIFFUSE_INDIRECT
-#if HAS_DIFFUSE
-    return before + (is_surface ? vec4(indirect_amount * texelFetch(indirect_diffuse_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
-#endif
+    return before + of_surface(is_surface, gathered_diffuse(at) - emitted_diffuse(at));
+#elif OUTPUT == OUTPUT_GLOSSY_DIRECT
+    return before + of_surface(is_surface, from_lights_glossy(at) + emitted_glossy(at));
+#elif OUTPUT == OUTPUT_GLOSSY_INDIRECT
+    return before + of_surface(is_surface, gathered_glossy(at) - emitted_glossy(at));
 #elif OUTPUT == OUTPUT_DIFFUSE_COLOR
     return before + (is_surface ? vec4(p.diffuse, 1.0) : vec4(0.0));
-#elif OUTPUT == OUTPUT_GLOSSY_DIRECT
-#if HAS_GLOSSY && HAS_DIRECT
-    return before + (is_surface ? vec4(specular_amount * direct_amount * texelFetch(direct_glossy_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
-#endif
-#elif OUTPUT == OUTPUT_GLOSSY_INDIRECT
-#if HAS_GLOSSY
-    return before + (is_surface ? vec4(specular_amount * texelFetch(indirect_glossy_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
-#endif
 #elif OUTPUT == OUTPUT_GLOSSY_COLOR
     return before + (is_surface ? vec4(1.0) : vec4(0.0));
 #elif OUTPUT == OUTPUT_EMISSION
@@ -91,7 +148,6 @@ vec4 composed(ivec2 at, vec4 before)
 #else
 #error "OUTPUT is not one of the film's passes"
 #endif
-    return before;
 }
 
 void main()
