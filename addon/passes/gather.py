@@ -13,7 +13,7 @@ from .frame import Frame, LitVoxels, run_tiles
 
 
 class GatherPass:
-    """Owns the mean incoming radiance at each pixel; what of it comes straight from the world is kept when asked for."""
+    """Owns the mean incoming radiance at each pixel, and on demand what of it comes straight from the world."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu

@@ -13,7 +13,7 @@ from .frame import Frame, LitVoxels, run_tiles
 
 
 class ReflectPass:
-    """Owns the reflected radiance at each pixel; what of it comes straight from lights or the world is kept when asked for."""
+    """Owns the reflected radiance at each pixel, and on demand what of it comes straight from lights or the world."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..camera import CameraRays
 from ..gpu import interface
-from ..gpu.context import GpuContext, Kernel
+from ..gpu.context import GpuContext
 from ..settings import Settings
 from .geometry import Geometry
 from .inject import LightTable
