@@ -21,6 +21,7 @@ class Features:
     has_transparency: bool
     has_glossy: bool
     has_diffuse_gather: bool
+    has_reconstruction: bool
     has_direct: bool
     has_visible_lights: bool
     needs_radiance: bool  # voxel faces carry light
@@ -69,6 +70,7 @@ class Features:
             has_transparency=transparency,
             has_glossy=glossy,
             has_diffuse_gather=gather,
+            has_reconstruction=gather and settings.use_reconstruction and not gather_cones,
             has_direct=direct,
             has_visible_lights=visible,
             needs_radiance=needs_radiance,

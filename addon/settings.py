@@ -133,6 +133,13 @@ class Settings:
         lo=0,
         hi=2**31 - 1,
     )
+    use_reconstruction: bool = _setting(
+        "Reconstruction",
+        True,
+        "Neighbouring pixels share the diffuse light they gather, less and less as passes accumulate.",
+        Panel.SAMPLING,
+        cost="little: about one ray for each pixel and pass",
+    )
     clamp_indirect: float = _setting(
         "Clamp Indirect",
         0.0,
