@@ -214,7 +214,7 @@ class Pipeline:
             self._reconstruct.release()
         if not features.has_glossy:
             self._reflect.release()
-        self.film.start(size, self._wanted)
+        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0)
         self._camera = CameraRays.of(scene.camera, grid, size)
         if self.gpu.mgl.error == "GL_OUT_OF_MEMORY":
             raise MemoryError(
@@ -264,7 +264,7 @@ class Pipeline:
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, camera, offset, settings)
-        frame = Frame(index, camera, offset, surface, features, settings)
+        frame = Frame(index, camera, offset, surface, features, settings, self.film.active_tiles)
         radiance = self._bounce.radiance[0] if features.needs_radiance else None
         lit = LitVoxels(voxels, radiance, self._lights, self._world, self._cones)
         splits = self.film.splits_light
@@ -301,6 +301,7 @@ class Pipeline:
             "renderer": self.gpu.renderer,
             "resolution": list(self._size),
             "samples": self.film.samples,
+            "mean_samples": round(self.film.mean_samples, 3),
             "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
             "occupied": voxels.cell_count if voxels else 0,
             "faces": voxels.faces.count if voxels else 0,

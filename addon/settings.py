@@ -133,6 +133,16 @@ class Settings:
         lo=0,
         hi=2**31 - 1,
     )
+    noise_threshold: float = _setting(
+        "Noise Threshold",
+        0.0,
+        "Parts of the picture get no more passes once their noise is below this; it is measured as Cycles measures it. "
+        "0: all parts get all passes.",
+        Panel.SAMPLING,
+        lo=0.0,
+        hi=1.0,
+        soft_hi=0.1,
+    )
     use_reconstruction: bool = _setting(
         "Reconstruction",
         True,

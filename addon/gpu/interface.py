@@ -97,7 +97,8 @@ TEXTURE_ALIASES = {
 FIRST_MATERIAL_TEXTURE = 8
 MAX_MATERIAL_TEXTURES = 24
 
-IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_7")
+# Image units. GL 4.3 promises eight to a stage.
+IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_TILES")
 
 _GLSL_SIZE = {"float": (4, 4), "uint": (4, 4), "int": (4, 4), "vec2": (8, 8), "vec3": (16, 12), "vec4": (16, 16)}
 _NUMPY = {

@@ -38,7 +38,8 @@ class GatherPass:
         self.allocate(frame.size, emitted=keeps_emitted, nearness=features.has_reconstruction)
         kernel = self.gpu.kernel(
             "gather",
-            lit.voxels.trace_defines
+            frame.defines
+            | lit.voxels.trace_defines
             | lit.world.defines
             | {
                 "GATHER_CONES": features.gather_cones,
@@ -68,7 +69,7 @@ class GatherPass:
                 clamp_indirect=settings.clamp_indirect,
             )
 
-        yield from run_tiles(self.gpu, "gather", kernel, frame.size, settings.rays, bind)
+        yield from run_tiles(self.gpu, "gather", kernel, frame, settings.rays, bind)
 
     def release(self) -> None:
         """Free everything."""

@@ -43,7 +43,7 @@ class ReconstructPass:
             self.release()
             self._pictures = [self.gpu.texture("shared light", frame.size, 4, "f4") for _ in range(2)]
             self._size = frame.size
-        kernel = self.gpu.kernel("reconstruct")
+        kernel = self.gpu.kernel("reconstruct", frame.defines)
         for level in range(LEVELS):
             for share in self._level(kernel, frame, gathered, level):
                 yield (level + share) / LEVELS
@@ -59,7 +59,7 @@ class ReconstructPass:
             self._pictures[1].bind_to_image(interface.slot("IMG_0"), read=False, write=True)
             kernel.set(stride=1 << level, tolerance=TOLERANCE * shrunk, least_radius=LEAST_RADIUS * shrunk)
 
-        yield from run_tiles(self.gpu, "reconstruct", kernel, frame.size, COST, bind)
+        yield from run_tiles(self.gpu, "reconstruct", kernel, frame, COST, bind)
 
     def release(self) -> None:
         """Free everything."""

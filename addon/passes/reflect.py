@@ -36,7 +36,8 @@ class ReflectPass:
         self.allocate(frame.size, emitted=keeps_emitted)
         kernel = self.gpu.kernel(
             "reflect",
-            lit.voxels.trace_defines
+            frame.defines
+            | lit.voxels.trace_defines
             | lit.lights.defines(settings)
             | lit.world.defines
             | {
@@ -64,7 +65,7 @@ class ReflectPass:
                 clamp_indirect=settings.clamp_indirect,
             )
 
-        yield from run_tiles(self.gpu, "reflect", kernel, frame.size, 1, bind)
+        yield from run_tiles(self.gpu, "reflect", kernel, frame, 1, bind)
 
     def release(self) -> None:
         """Free everything."""

@@ -31,7 +31,7 @@ uniform float shadow_cone_angle;
 void main()
 {
     ivec2 at = tile_first + ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(at, picture_size))) {
+    if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
     vec3 diffuse = vec3(0.0);

@@ -32,7 +32,7 @@ float sharing_error(vec3 apart, float nearness, vec3 normal, vec3 other_normal, 
 void main()
 {
     ivec2 at = tile_first + ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(at, picture_size))) {
+    if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
     vec4 position = texelFetch(position_tex, at, 0);
