@@ -46,7 +46,7 @@ class Frame:
 
     @property
     def defines(self) -> dict[str, object]:
-        """What lib/pixel.glsl asks for."""
+        """What lib/tiles.glsl asks for."""
         return {"IS_ADAPTIVE": self.active_tiles is not None}
 
     @property
@@ -56,9 +56,13 @@ class Frame:
     def bind(self, kernel: Kernel) -> None:
         """Bind what lib/pixel.glsl and lib/camera.glsl read."""
         self.surface.bind()
+        self.bind_tiles()
+        kernel.set(**self.camera.uniforms(self.offset))
+
+    def bind_tiles(self) -> None:
+        """Bind what lib/tiles.glsl reads."""
         if self.active_tiles is not None:
             self.active_tiles.texture.bind_to_image(interface.slot("IMG_TILES"), read=True, write=False)
-        kernel.set(**self.camera.uniforms(self.offset))
 
 
 @dataclass(frozen=True)
