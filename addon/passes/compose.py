@@ -37,6 +37,11 @@ OUTPUTS: dict[str, tuple[int, bool]] = {
 SPLIT_OUTPUTS = ("diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect")
 
 
+#: Outputs whose sums hold reflected light, and that are read divided by the sum of the colour: so their product with
+#: the colour is exactly what is in the picture, also where a pixel shows several surfaces. As in Cycles.
+DIVIDED_BY_COLOR = ("diffuse_direct", "diffuse_indirect")
+
+
 @dataclass(frozen=True)
 class PixelLight:
     """Light at pixels; None: there is none of this kind."""
@@ -87,7 +92,10 @@ class Film:
 
     def start(self, size: tuple[int, int], names: Iterable[str], *, adaptive: bool) -> None:
         """Begin again at zero, with these outputs. ``adaptive``: there is a noise threshold."""
-        wanted = [name for name in OUTPUTS if name in set(names) | {"combined"}]
+        asked = set(names) | {"combined"}
+        if asked & set(DIVIDED_BY_COLOR):
+            asked.add("diffuse_color")
+        wanted = [name for name in OUTPUTS if name in asked]
         if size != self.size or wanted != list(self._sums):
             self.release()
             self._sums = {name: self.gpu.texture("film", size, 4, "f4") for name in wanted}
@@ -111,6 +119,9 @@ class Film:
         width, height = self.size
         data = np.frombuffer(self._sums[name].read(), np.float32).reshape(height, width, 4)
         result = np.ascontiguousarray(data[..., :channels])
+        if name in DIVIDED_BY_COLOR:
+            color = np.frombuffer(self._sums["diffuse_color"].read(), np.float32).reshape(height, width, 4)[..., :3]
+            return np.divide(result, color, out=np.zeros_like(result), where=color > 0.0)
         if not averaged:
             return result
         if self._convergence is None:

@@ -83,7 +83,9 @@ class LitVoxels:
         self.world.bind(kernel)
 
 
-def run_tiles(gpu: GpuContext, name: str, kernel: Kernel, frame: Frame, rays: int, bind: Callable[[], None]) -> Iterator[float]:
+def run_tiles(
+    gpu: GpuContext, name: str, kernel: Kernel, frame: Frame, rays: int, bind: Callable[[], None]
+) -> Iterator[float]:
     """Run ``kernel`` over the picture, part by part; ``rays``: how many it traces for a pixel. Yields the share done.
 
     Parts without an active tile are left out. The kernel asks ``is_active`` (lib/pixel.glsl) for each pixel.

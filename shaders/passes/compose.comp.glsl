@@ -39,7 +39,7 @@ uniform vec3 camera_position;  // grid space
 uniform float cell_size;
 uniform vec3 grid_origin_ws;
 
-// Diffuse: to be multiplied by the reflectance. Direct: from lights, and what rays bring straight from where light is
+// Diffuse: irradiance / pi. Direct: from lights, and what rays bring straight from where light is
 // made; indirect: what surfaces pass on. Cycles divides its passes so.
 
 vec3 emitted_diffuse(ivec2 at)
@@ -122,9 +122,9 @@ vec4 composed(ivec2 at)
     vec3 glossy = from_lights_glossy(at) + gathered_glossy(at);
     return vec4((emission + p.diffuse * diffuse + glossy) * exposure, 1.0);
 #elif OUTPUT == OUTPUT_DIFFUSE_DIRECT
-    return of_surface(is_surface, from_lights_diffuse(at) + emitted_diffuse(at));
+    return of_surface(is_surface, p.diffuse * (from_lights_diffuse(at) + emitted_diffuse(at)));
 #elif OUTPUT == OUTPUT_DIFFUSE_INDIRECT
-    return of_surface(is_surface, gathered_diffuse(at) - emitted_diffuse(at));
+    return of_surface(is_surface, p.diffuse * (gathered_diffuse(at) - emitted_diffuse(at)));
 #elif OUTPUT == OUTPUT_GLOSSY_DIRECT
     return of_surface(is_surface, from_lights_glossy(at) + emitted_glossy(at));
 #elif OUTPUT == OUTPUT_GLOSSY_INDIRECT
