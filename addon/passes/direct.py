@@ -38,6 +38,7 @@ class DirectPass:
             "direct",
             lit.voxels.trace_defines
             | lights.defines(settings)
+            | frame.surface.ray_defines
             | {"HAS_GLOSSY": features.has_glossy, "SHADOW_CONES": features.shadow_cones},
         )
 
@@ -55,6 +56,8 @@ class DirectPass:
                 use_shadows=settings.use_shadows,
                 shadow_amount=settings.shadow_amount,
             )
+            if features.has_glossy:
+                kernel.set(specular_aperture=settings.specular_aperture)
             if features.shadow_cones:
                 lit.cones.bind(kernel)
                 kernel.set(shadow_cone_angle=settings.shadow_cone_angle)
