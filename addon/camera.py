@@ -85,6 +85,9 @@ class CameraRays:
 def pixel_offset(index: int, filter_width: float) -> tuple[float, float]:
     """Where in the pixel pass ``index`` samples: the R2 sequence through the inverse of the filter's distribution.
 
+    The sequence goes both ways from the middle of the pixel (0, 1, -1, 2, -2, ...), so that the mean of the places stays
+    in the middle and the picture of few passes is not shifted.
+
     Importance sampling of the Blackman-Harris window (Harris 1978), as Cycles does: the window falls to zero
     ``filter_width`` pixels from the middle, so that it is twice as wide in all.
     """
@@ -99,6 +102,7 @@ def pixel_offset(index: int, filter_width: float) -> tuple[float, float]:
     )
     cumulative = np.concatenate([[0.0], np.cumsum(0.5 * (window[1:] + window[:-1]))])
     cumulative /= cumulative[-1]
-    u = (0.5 + (index + 1) * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
+    place = (index + 1) // 2 if index % 2 else -(index // 2)
+    u = (0.5 + place * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
     at = np.interp(u, cumulative, x)
     return 0.5 + float(at[0]) * filter_width, 0.5 + float(at[1]) * filter_width

@@ -35,6 +35,7 @@ class Features:
     has_glossy: bool
     follows_glossy: bool  # reflections are sharp enough to show more than voxels know
     has_diffuse_gather: bool
+    has_reconstruction: bool
     has_direct: bool
     has_visible_lights: bool
     needs_radiance: bool  # voxel faces carry light
@@ -87,6 +88,7 @@ class Features:
             has_glossy=glossy,
             follows_glossy=sharp and settings.glossy_layers > 0 and not occlusion,
             has_diffuse_gather=gather,
+            has_reconstruction=gather and settings.use_reconstruction and not gather_cones,
             has_direct=direct,
             has_visible_lights=visible,
             needs_radiance=needs_radiance,

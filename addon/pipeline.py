@@ -29,6 +29,7 @@ from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
 from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass
+from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
 from .passes.surface import SurfacePass, Surfaces
 from .passes.voxelize import VoxelizePass
@@ -100,6 +101,7 @@ class Pipeline:
         self._surface = SurfacePass(gpu)
         self._direct = DirectPass(gpu)
         self._gather = GatherPass(gpu)
+        self._reconstruct = ReconstructPass(gpu)
         self._reflect = ReflectPass(gpu)
         self._scene: SceneData | None = None
         self._settings = Settings()
@@ -209,9 +211,11 @@ class Pipeline:
             self._direct.release()
         if not features.has_diffuse_gather:
             self._gather.release()
+        if not features.has_reconstruction:
+            self._reconstruct.release()
         if not features.has_glossy:
             self._reflect.release()
-        self.film.start(size, self._wanted)
+        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0)
         self._camera = CameraRays.of(scene.camera, grid, size)
         if self.gpu.mgl.error == "GL_OUT_OF_MEMORY":
             raise MemoryError(
@@ -262,7 +266,7 @@ class Pipeline:
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, camera, offset, settings)
-        frame = Frame(index, camera, offset, surface, features, settings)
+        frame = Frame(index, camera, offset, surface, features, settings, self.film.active_tiles)
         radiance = self._bounce.radiance[0] if features.needs_radiance else None
         lit = LitVoxels(voxels, radiance, self._lights, self._world, self._cones)
         splits = self.film.splits_light
@@ -271,14 +275,18 @@ class Pipeline:
                 yield Progress(0.2 + 0.2 * share, "Direct light")
         if features.has_diffuse_gather:
             for share in self._gather.run(frame, lit, keeps_emitted=splits):
-                yield Progress(0.4 + 0.4 * share, "Indirect light")
+                yield Progress(0.4 + 0.3 * share, "Indirect light")
+            if features.has_reconstruction:
+                assert self._gather.incoming is not None
+                for share in self._reconstruct.run(frame, self._gather.incoming):
+                    yield Progress(0.7 + 0.1 * share, "Indirect light")
         if features.has_glossy:
             for share in self._reflect.run(frame, lit, self._surface, surfaces, keeps_emitted=splits):
                 yield Progress(0.8 + 0.2 * share, "Reflections")
         light = PixelLight(
             direct_diffuse=self._direct.diffuse,
             direct_glossy=self._direct.glossy,
-            gathered=self._gather.incoming,
+            gathered=self._reconstruct.gathered or self._gather.incoming,
             gathered_emitted=self._gather.emitted,
             reflected=self._reflect.radiance,
             reflected_emitted=self._reflect.emitted,
@@ -295,6 +303,7 @@ class Pipeline:
             "renderer": self.gpu.renderer,
             "resolution": list(self._size),
             "samples": self.film.samples,
+            "mean_samples": round(self.film.mean_samples, 3),
             "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
             "occupied": voxels.cell_count if voxels else 0,
             "faces": voxels.faces.count if voxels else 0,
@@ -314,6 +323,7 @@ class Pipeline:
             self._surface,
             self._direct,
             self._gather,
+            self._reconstruct,
             self._reflect,
             self._cones,
             self._bounce,

@@ -12,7 +12,8 @@ import numpy as np
 from ..gpu import interface
 from ..gpu.context import GpuContext
 from ..scene import FloatArray, SceneData
-from .frame import Frame, LitVoxels
+from .converge import Convergence
+from .frame import ActiveTiles, Frame, LitVoxels
 
 #: Name -> channels, and whether it is an average over passes or the first pass's value.
 OUTPUTS: dict[str, tuple[int, bool]] = {
@@ -55,6 +56,7 @@ class Film:
         self.samples = 0
         self.size = (0, 0)
         self._sums: dict[str, moderngl.Texture] = {}
+        self._convergence: Convergence | None = None
 
     @property
     def splits_light(self) -> bool:
@@ -66,12 +68,34 @@ class Film:
         """Outputs that can be read."""
         return list(self._sums)
 
-    def start(self, size: tuple[int, int], names: Iterable[str]) -> None:
-        """Begin again at zero, with these outputs."""
+    @property
+    def active_tiles(self) -> ActiveTiles | None:
+        """Tiles that need more passes; None: there is no noise threshold, all do."""
+        return self._convergence.active if self._convergence else None
+
+    @property
+    def is_converged(self) -> bool:
+        """Whether the noise is below the threshold everywhere."""
+        return self._convergence is not None and self._convergence.is_done
+
+    @property
+    def mean_samples(self) -> float:
+        """Passes that a pixel has had, on average."""
+        return float(self._convergence.pixel_counts().mean()) if self._convergence else float(self.samples)
+
+    def start(self, size: tuple[int, int], names: Iterable[str], *, adaptive: bool) -> None:
+        """Begin again at zero, with these outputs. ``adaptive``: there is a noise threshold."""
         wanted = [name for name in OUTPUTS if name in set(names) | {"combined"}]
         if size != self.size or wanted != list(self._sums):
             self.release()
             self._sums = {name: self.gpu.texture("film", size, 4, "f4") for name in wanted}
+        if adaptive and self._convergence is not None:
+            self._convergence.start()
+        elif adaptive:
+            self._convergence = Convergence(self.gpu, size)
+        elif self._convergence is not None:
+            self._convergence.release()
+            self._convergence = None
         zeros = bytes(16 * size[0] * size[1])
         for texture in self._sums.values():
             texture.write(zeros)
@@ -83,24 +107,35 @@ class Film:
         channels, averaged = OUTPUTS[name]
         width, height = self.size
         data = np.frombuffer(self._sums[name].read(), np.float32).reshape(height, width, 4)
-        scale = 1.0 / max(self.samples, 1) if averaged else 1.0
-        return np.ascontiguousarray(data[..., :channels]) * np.float32(scale)
+        result = np.ascontiguousarray(data[..., :channels])
+        if not averaged:
+            return result
+        if self._convergence is None:
+            return result * np.float32(1.0 / max(self.samples, 1))
+        return result / np.maximum(self._convergence.pixel_counts(), 1).astype(np.float32)[..., None]
 
     def release(self) -> None:
         """Free everything."""
         self.gpu.free(*self._sums.values())
         self._sums = {}
         self.size = (0, 0)
+        if self._convergence is not None:
+            self._convergence.release()
+            self._convergence = None
 
     def add(self, frame: Frame, lit: LitVoxels, scene: SceneData, light: PixelLight) -> None:
         """Add one pass to all sums."""
         slot, camera, settings, grid = interface.slot, frame.camera, frame.settings, lit.voxels.grid
         defines: dict[str, object] = {f"OUTPUT_{name.upper()}": index for index, name in enumerate(OUTPUTS)}
         defines |= {f"HAS_{name.upper()}": texture is not None for name, texture in vars(light).items()}
-        defines["WORLD_IS_TEXTURE"] = lit.world.texture is not None
+        defines |= frame.defines | {"WORLD_IS_TEXTURE": lit.world.texture is not None}
+        half = self._convergence.half if self._convergence and self._convergence.keeps_half(self.samples) else None
         with self.gpu.timed("compose"):
             for name, picture in self._sums.items():
-                kernel = self.gpu.kernel("compose", defines | {"OUTPUT": f"OUTPUT_{name.upper()}"})
+                keeps_half = half is not None and name == "combined"
+                kernel = self.gpu.kernel(
+                    "compose", defines | {"OUTPUT": f"OUTPUT_{name.upper()}", "KEEPS_HALF": keeps_half}
+                )
                 frame.bind(kernel)
                 frame.surface.emission.use(slot("TEX_EMISSION"))
                 lit.world.bind(kernel)
@@ -108,6 +143,8 @@ class Film:
                     if texture is not None:
                         texture.use(slot(f"TEX_{kind.upper()}"))
                 picture.bind_to_image(slot("IMG_0"), read=True, write=True)
+                if keeps_half and half is not None:
+                    half.bind_to_image(slot("IMG_1"), read=True, write=True)
                 kernel.set(
                     direct_amount=settings.direct_amount if settings.use_direct else 0.0,
                     indirect_amount=settings.indirect_amount if settings.use_indirect else 0.0,
@@ -118,4 +155,6 @@ class Film:
                 )  # fmt: skip
                 kernel.run_tiles(*self.size)
             self.gpu.barrier()  # the next pass adds to these sums; read-back reads them
-        self.samples += 1
+            self.samples += 1
+            if self._convergence is not None:
+                self._convergence.add(self.samples, self._sums["combined"], settings.noise_threshold)

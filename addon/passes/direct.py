@@ -36,9 +36,9 @@ class DirectPass:
         self.allocate(frame.size, glossy=features.has_glossy)
         kernel = self.gpu.kernel(
             "direct",
-            lit.voxels.trace_defines
+            frame.defines
+            | lit.voxels.trace_defines
             | lights.defines(settings)
-            | frame.surface.ray_defines
             | {"HAS_GLOSSY": features.has_glossy, "SHADOW_CONES": features.shadow_cones},
         )
 
@@ -62,7 +62,7 @@ class DirectPass:
                 lit.cones.bind(kernel)
                 kernel.set(shadow_cone_angle=settings.shadow_cone_angle)
 
-        yield from run_tiles(self.gpu, "direct", kernel, frame.size, lights.count, bind)
+        yield from run_tiles(self.gpu, "direct", kernel, frame, lights.count, bind)
 
     def release(self) -> None:
         """Free everything."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import moderngl
+import numpy as np
 
 from ..camera import CameraRays
 from ..features import Features
@@ -24,6 +25,14 @@ RAYS_PER_STEP = 1 << 17
 
 
 @dataclass(frozen=True)
+class ActiveTiles:
+    """Tiles of TILE_SIZE x TILE_SIZE pixels whose noise is still too high."""
+
+    texture: moderngl.Texture  # r8ui, one texel a tile: 1 where active
+    mask: np.ndarray  # (rows, columns) bool, the same
+
+
+@dataclass(frozen=True)
 class Frame:
     """One pass over the picture: where it looks from, and what it sees."""
 
@@ -33,14 +42,27 @@ class Frame:
     surface: SurfacePictures
     features: Features
     settings: Settings
+    active_tiles: ActiveTiles | None = None  # None: all are
+
+    @property
+    def defines(self) -> dict[str, object]:
+        """What lib/pixel.glsl and lib/ray.glsl ask for."""
+        return self.surface.ray_defines | {"IS_ADAPTIVE": self._asks_tiles}
+
+    @property
+    def _asks_tiles(self) -> bool:
+        return self.active_tiles is not None and self.surface.rays is None  # what is met by rays follows from them
 
     @property
     def size(self) -> tuple[int, int]:
         return self.surface.size
 
     def bind(self, kernel: Kernel) -> None:
-        """Bind what lib/pixel.glsl and lib/camera.glsl read."""
+        """Bind what lib/pixel.glsl and lib/ray.glsl read."""
         self.surface.bind()
+        if self._asks_tiles:
+            assert self.active_tiles is not None
+            self.active_tiles.texture.bind_to_image(interface.slot("IMG_TILES"), read=True, write=False)
         kernel.set(**self.camera.uniforms(self.offset))
 
 
@@ -62,19 +84,22 @@ class LitVoxels:
         self.world.bind(kernel)
 
 
-def run_tiles(
-    gpu: GpuContext, name: str, kernel: Kernel, size: tuple[int, int], rays: int, bind: Callable[[], None]
-) -> Iterator[float]:
-    """Run ``kernel`` tile by tile; ``rays``: how many it traces for a pixel. Yields the share done."""
-    side = max(
-        interface.TILE_SIZE, int((RAYS_PER_STEP / max(rays, 1)) ** 0.5) // interface.TILE_SIZE * interface.TILE_SIZE
-    )
-    tiles = [(x, y) for y in range(0, size[1], side) for x in range(0, size[0], side)]
-    for index, (x, y) in enumerate(tiles):
+def run_tiles(gpu: GpuContext, name: str, kernel: Kernel, frame: Frame, rays: int, bind: Callable[[], None]) -> Iterator[float]:
+    """Run ``kernel`` over the picture, part by part; ``rays``: how many it traces for a pixel. Yields the share done.
+
+    Parts without an active tile are left out. The kernel asks ``is_active`` (lib/pixel.glsl) for each pixel.
+    """
+    tile, size = interface.TILE_SIZE, frame.size
+    side = max(tile, int((RAYS_PER_STEP / max(rays, 1)) ** 0.5) // tile * tile)
+    parts = [(x, y) for y in range(0, size[1], side) for x in range(0, size[0], side)]
+    if frame.active_tiles is not None:
+        mask, step = frame.active_tiles.mask, side // tile
+        parts = [(x, y) for x, y in parts if mask[y // tile : y // tile + step, x // tile : x // tile + step].any()]
+    for index, (x, y) in enumerate(parts):
         with gpu.timed(name):
             bind()
             kernel.set(tile_first=(x, y))
             kernel.run_tiles(min(side, size[0] - x), min(side, size[1] - y))
-            if index == len(tiles) - 1:
+            if index == len(parts) - 1:
                 gpu.barrier()  # what follows reads the pictures as textures
-        yield (index + 1) / len(tiles)
+        yield (index + 1) / len(parts)

@@ -25,8 +25,7 @@ from .surface import SurfacePass, SurfacePictures, Surfaces
 
 
 class ReflectPass:
-    """Owns the reflected radiance at each pixel; what of it comes straight from lights or the world is kept when asked
-    for.
+    """Owns the reflected radiance at each pixel, and on demand what of it comes straight from lights or the world.
 
     Where something is sharp, it owns a layer too: what the reflected rays have met last.
     """
@@ -82,10 +81,10 @@ class ReflectPass:
         keeps_emitted = first and self.emitted is not None
         kernel = self.gpu.kernel(
             "reflect",
-            lit.voxels.trace_defines
+            frame.defines
+            | lit.voxels.trace_defines
             | lit.lights.defines(settings)
             | lit.world.defines
-            | frame.surface.ray_defines
             | {
                 "HAS_LIGHTS": features.has_lights,
                 "GATHER_OCCLUSION": features.gather_occlusion,
@@ -117,7 +116,7 @@ class ReflectPass:
                 self._layer.seen.bind_to_image(slot("IMG_2"), read=False, write=True)
                 self._layer.position.bind_to_image(slot("IMG_3"), read=False, write=True)
                 self._throughput.bind_to_image(slot("IMG_4"), read=True, write=True)
-                self._layer.rays.bind_to_image(slot("IMG_7"), read=True, write=True)
+                self._layer.rays.bind_to_image(slot("IMG_5" if first else "IMG_RAYS"), read=True, write=True)
                 self._followed.bind_to_storage_buffer(slot("BUF_COUNTS"))
                 kernel.set(last_layer=last)
             kernel.set(
@@ -129,7 +128,7 @@ class ReflectPass:
                 amount=1.0 if first else settings.specular_amount,  # composition has it for the first
             )
 
-        yield from run_tiles(self.gpu, "reflect", kernel, frame.size, 1, bind)
+        yield from run_tiles(self.gpu, "reflect", kernel, frame, 1, bind)
 
     def _shade(self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces) -> Iterator[float]:
         """Light that leaves the surfaces that were met, as if the camera saw them; all but what they reflect."""
@@ -142,8 +141,8 @@ class ReflectPass:
         with self.gpu.timed("reflect"):
             kernel = self.gpu.kernel(
                 "collect",
-                lit.world.defines
-                | frame.surface.ray_defines
+                frame.defines
+                | lit.world.defines
                 | {"HAS_DIRECT": features.has_direct, "HAS_DIFFUSE_GATHER": features.has_diffuse_gather},
             )
             frame.bind(kernel)
@@ -188,4 +187,6 @@ def _layer_frame(frame: Frame, layer: SurfacePictures, number: int) -> Frame:
     """
     stride = (0x9E3779B1 * (2 * number + 1)) & 0xFFFFFFFF
     settings = frame.settings.with_values(rays=1, seed=(frame.settings.seed + 0x632BE5AB * number) & 0x7FFFFFFF)
-    return dataclasses.replace(frame, surface=layer, settings=settings, index=(frame.index * stride) & 0xFFFFFFFF)
+    features = dataclasses.replace(frame.features, has_reconstruction=False)
+    index = (frame.index * stride) & 0xFFFFFFFF
+    return dataclasses.replace(frame, surface=layer, settings=settings, features=features, index=index)

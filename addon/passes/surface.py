@@ -71,7 +71,7 @@ class SurfacePictures:
 
     def bind_rays(self) -> None:
         if self.rays is not None:
-            self.rays.bind_to_image(interface.slot("IMG_7"), read=True, write=True)
+            self.rays.bind_to_image(interface.slot("IMG_RAYS"), read=True, write=True)
 
     def bind_images(self) -> None:
         """Bind for writing."""

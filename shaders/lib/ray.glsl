@@ -6,7 +6,7 @@
 #include "lib/camera.glsl"
 
 #if RAYS_OF_PIXELS
-layout(binding = IMG_7, rgba32f) uniform image2D rays_img;  // two texels a pixel: origin, width; direction, spread
+layout(binding = IMG_RAYS, rgba32f) uniform image2D rays_img;  // two texels a pixel: origin, width; direction, spread
 #endif
 
 struct Ray {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Add one pass to one of the film's sums. OUTPUT says which; see passes/compose.py.
-// Input: surface pictures, direct and indirect light.    Output: sum_img (sum over passes; w: alpha).
+// Input: surface pictures, direct and indirect light.    Output: sum_img (sum over passes; w: alpha); KEEPS_HALF: half_img.
 
 #include "lib/pixel.glsl"
 #include "lib/camera.glsl"
@@ -28,6 +28,9 @@ layout(binding = TEX_REFLECTED) uniform sampler2D reflected_tex;
 layout(binding = TEX_REFLECTED_EMITTED) uniform sampler2D reflected_emitted_tex;
 #endif
 layout(binding = IMG_0, rgba32f) uniform image2D sum_img;
+#if KEEPS_HALF
+layout(binding = IMG_1, rgba32f) uniform image2D half_img;  // sum over every other pass
+#endif
 
 uniform float direct_amount;
 uniform float indirect_amount;
@@ -153,8 +156,14 @@ vec4 composed(ivec2 at, vec4 before)
 void main()
 {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
-    if (all(lessThan(at, picture_size))) {
-        vec4 sum = composed(at, imageLoad(sum_img, at));
-        imageStore(sum_img, at, vec4(finite_or_zero(sum.rgb), sum.a));
+    if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
+        return;
     }
+    vec4 before = imageLoad(sum_img, at);
+    vec4 sum = composed(at, before);
+    sum = vec4(is_finite(sum.rgb) ? sum.rgb : before.rgb, sum.a);
+    imageStore(sum_img, at, sum);
+#if KEEPS_HALF
+    imageStore(half_img, at, imageLoad(half_img, at) + (sum - before));
+#endif
 }

@@ -34,7 +34,7 @@ uniform float specular_aperture;
 void main()
 {
     ivec2 at = tile_first + ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(at, picture_size))) {
+    if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
     vec3 diffuse = vec3(0.0);

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Diffuse light at each pixel: what leaves the voxel faces that stratified rays meet, and the world's light.
 // Input: surface pictures, faces' radiance, triangles of cells.
-// Output: incoming_out: mean incoming radiance, to be multiplied by the diffuse reflectance; w: mean of 1 / distance,
-// 1/cells. KEEPS_EMITTED: emitted_out: what of it comes straight from the world.
+// Output: incoming_out: mean incoming radiance, to be multiplied by the diffuse reflectance.
+// KEEPS_EMITTED: emitted_out: what of it comes straight from the world.
+// KEEPS_NEARNESS: nearness_img: sum over passes of the mean of 1 / distance, 1/cells; w of incoming_out: its mean.
 
 #include "lib/incoming.glsl"
 #include "lib/sampling.glsl"
@@ -19,6 +20,10 @@ layout(binding = IMG_0, rgba32f) writeonly uniform image2D incoming_out;
 layout(binding = IMG_1, rgba32f) writeonly uniform image2D emitted_out;
 #endif
 
+#if KEEPS_NEARNESS
+layout(binding = IMG_2, r32f) uniform image2D nearness_img;
+#endif
+
 uniform ivec2 tile_first;
 uniform uint sample_index;
 uniform uint ray_count;          // directions in this pass
@@ -27,7 +32,7 @@ uniform uint random_seed;
 void main()
 {
     ivec2 at = tile_first + ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(at, picture_size))) {
+    if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
     Pixel p = fetch_pixel(at);
@@ -45,9 +50,10 @@ void main()
 #else
         vec3 origin = p.position + p.geometric_normal * RAY_START;
         uint seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
+        uvec2 shift = pixel_shift(at, random_seed);
         for (uint k = 0u; k < ray_count; ++k) {
             uint index = sample_index * ray_count + k;
-            vec3 direction = sample_cosine(p.normal, sample_2d(index, hash(seed, 1u)));
+            vec3 direction = sample_cosine(p.normal, sample_2d(index, shift));
             if (dot(direction, p.geometric_normal) > 0.0) {
                 Incoming found = incoming(origin, direction, RAY_DIFFUSE, hash(seed, index));
                 bounced += found.bounced;
@@ -61,6 +67,11 @@ void main()
         nearness *= share;
 #endif
     }
+#if KEEPS_NEARNESS
+    nearness += sample_index > 0u ? imageLoad(nearness_img, at).r : 0.0;
+    imageStore(nearness_img, at, vec4(nearness));
+    nearness /= float(sample_index + 1u);
+#endif
     imageStore(incoming_out, at, vec4(finite_or_zero(bounced + emitted), nearness));
 #if KEEPS_EMITTED
     imageStore(emitted_out, at, vec4(finite_or_zero(emitted), 0.0));

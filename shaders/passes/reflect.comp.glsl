@@ -29,7 +29,7 @@ layout(binding = IMG_3, rgba32f) writeonly uniform image2D position_img;
 // where it starts, cells. (Pixels do not count: were they larger than voxels, following would be no dearer.)
 layout(binding = IMG_4, rgba32f) uniform image2D throughput_img;
 #if FIRST_LAYER
-layout(binding = IMG_7, rgba32f) writeonly uniform image2D rays_img;
+layout(binding = IMG_5, rgba32f) writeonly uniform image2D rays_img;
 #endif
 layout(std430, binding = BUF_COUNTS) buffer Counters { uint followed; };
 
@@ -56,7 +56,7 @@ float sharp_distance(float width, float spread)
 void main()
 {
     ivec2 at = tile_first + ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(at, picture_size))) {
+    if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
     Pixel p = fetch_pixel(at);
