@@ -31,7 +31,7 @@ from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
-from .passes.surface import SurfacePass
+from .passes.surface import SurfacePass, Surfaces
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
 from .scene import SceneData
@@ -157,6 +157,7 @@ class Pipeline:
             emission=materials.has_emission,
             transparency=materials.has_transparency,
             specular=materials.has_specular,
+            least_roughness=materials.least_roughness,
             world=self._world.is_lit,
         )
         self.features = features
@@ -260,7 +261,8 @@ class Pipeline:
         offset = pixel_offset(index, scene.pixel_filter_width)
         surface = self._surface.pictures
         assert surface is not None
-        for share in self._surface.run(geometry, voxels, materials, self._materials, camera, offset, index, settings):
+        surfaces = Surfaces(geometry, voxels, materials, self._materials)
+        for share in self._surface.run(surfaces, camera, offset, index, settings):
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, camera, offset, settings)
@@ -279,7 +281,7 @@ class Pipeline:
                 for share in self._reconstruct.run(frame, self._gather.incoming):
                     yield Progress(0.7 + 0.1 * share, "Indirect light")
         if features.has_glossy:
-            for share in self._reflect.run(frame, lit, keeps_emitted=splits):
+            for share in self._reflect.run(frame, lit, self._surface, surfaces, keeps_emitted=splits):
                 yield Progress(0.8 + 0.2 * share, "Reflections")
         light = PixelLight(
             direct_diffuse=self._direct.diffuse,

@@ -239,6 +239,17 @@ class Settings:
         hi=4.0,
         soft_hi=2.0,
     )
+    glossy_layers: int = _setting(
+        "Glossy Layers",
+        8,
+        "Surfaces that a sharp reflection is followed to, one after the other; each is shaded as if the camera saw it. "
+        "After the last, and in wide reflections, voxels tell what is seen.",
+        Panel.LIGHT,
+        lo=0,
+        hi=64,
+        soft_hi=16,
+        cost="where reflections are sharp: light at one more surface for each",
+    )
     light_falloff: float = _setting(
         "Light Falloff",
         2.0,

@@ -56,6 +56,8 @@ class DirectPass:
                 use_shadows=settings.use_shadows,
                 shadow_amount=settings.shadow_amount,
             )
+            if features.has_glossy:
+                kernel.set(specular_aperture=settings.specular_aperture)
             if features.shadow_cones:
                 lit.cones.bind(kernel)
                 kernel.set(shadow_cone_angle=settings.shadow_cone_angle)

@@ -46,22 +46,27 @@ class Frame:
 
     @property
     def defines(self) -> dict[str, object]:
-        """What lib/tiles.glsl asks for."""
-        return {"IS_ADAPTIVE": self.active_tiles is not None}
+        """What lib/tiles.glsl and lib/ray.glsl ask for."""
+        return self.surface.ray_defines | {"IS_ADAPTIVE": self._asks_tiles}
+
+    @property
+    def _asks_tiles(self) -> bool:
+        return self.active_tiles is not None and self.surface.rays is None  # what is met by rays follows from them
 
     @property
     def size(self) -> tuple[int, int]:
         return self.surface.size
 
     def bind(self, kernel: Kernel) -> None:
-        """Bind what lib/pixel.glsl and lib/camera.glsl read."""
+        """Bind what lib/pixel.glsl and lib/ray.glsl read."""
         self.surface.bind()
         self.bind_tiles()
         kernel.set(**self.camera.uniforms(self.offset))
 
     def bind_tiles(self) -> None:
         """Bind what lib/tiles.glsl reads."""
-        if self.active_tiles is not None:
+        if self._asks_tiles:
+            assert self.active_tiles is not None
             self.active_tiles.texture.bind_to_image(interface.slot("IMG_TILES"), read=True, write=False)
 
 

@@ -64,6 +64,14 @@ vec2 sample_disk(vec2 u)
     return vec2(r * cos(phi), r * sin(phi));
 }
 
+// Weight of a sample of one way to find light, by how many samples for each steradian it and the other way send there.
+// Veach and Guibas 1995, "Optimally Combining Sampling Techniques": the power heuristic.
+float mis_weight(float own, float other)
+{
+    float ratio = other / max(own, 1e-30);
+    return 1.0 / (1.0 + ratio * ratio);
+}
+
 // Visible normal of the GGX distribution, in the frame where the surface's normal is z.
 // Dupuy and Benyoub 2023, "Sampling Visible GGX Normals with Spherical Caps".
 vec3 sample_visible_normal(vec3 view, float alpha, vec2 u)
