@@ -88,7 +88,7 @@ class Features:
             has_glossy=glossy,
             follows_glossy=sharp and settings.glossy_layers > 0 and not occlusion,
             has_diffuse_gather=gather,
-            has_reconstruction=gather and settings.use_reconstruction and not gather_cones,
+            has_reconstruction=(glossy or (gather and not gather_cones)) and settings.use_reconstruction,
             has_direct=direct,
             has_visible_lights=visible,
             needs_radiance=needs_radiance,

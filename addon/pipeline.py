@@ -2,7 +2,7 @@
 """The frame, top to bottom. One pipeline serves a viewport, an F12 render or a preview; it knows nothing of Blender.
 
     prepare: materials -> geometry -> voxels -> lights -> injection -> links -> bounces (-> cones)
-    sample:  surfaces -> direct light -> gather -> reflections -> film
+    sample:  surfaces -> direct light -> gather -> reflections -> sharing -> film
 
 Each step of ``prepare`` is redone only when something it depends on has changed. Both are generators that yield between
 pieces of work of well under half a second, so that a caller can show progress and stop.
@@ -101,7 +101,10 @@ class Pipeline:
         self._surface = SurfacePass(gpu)
         self._direct = DirectPass(gpu)
         self._gather = GatherPass(gpu)
-        self._reconstruct = ReconstructPass(gpu)
+        self._sharing = {
+            name: ReconstructPass(gpu, glossy=name.startswith("reflected"))
+            for name in ("gathered", "gathered_emitted", "reflected", "reflected_emitted")
+        }
         self._reflect = ReflectPass(gpu)
         self._scene: SceneData | None = None
         self._settings = Settings()
@@ -211,8 +214,6 @@ class Pipeline:
             self._direct.release()
         if not features.has_diffuse_gather:
             self._gather.release()
-        if not features.has_reconstruction:
-            self._reconstruct.release()
         if not features.has_glossy:
             self._reflect.release()
         self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0)
@@ -276,22 +277,26 @@ class Pipeline:
         if features.has_diffuse_gather:
             for share in self._gather.run(frame, lit, keeps_emitted=splits):
                 yield Progress(0.4 + 0.3 * share, "Indirect light")
-            if features.has_reconstruction:
-                assert self._gather.incoming is not None
-                for share in self._reconstruct.run(frame, self._gather.incoming):
-                    yield Progress(0.7 + 0.1 * share, "Indirect light")
         if features.has_glossy:
             for share in self._reflect.run(frame, lit, self._surface, surfaces, keeps_emitted=splits):
-                yield Progress(0.8 + 0.2 * share, "Reflections")
-        light = PixelLight(
-            direct_diffuse=self._direct.diffuse,
-            direct_glossy=self._direct.glossy,
-            gathered=self._reconstruct.gathered or self._gather.incoming,
-            gathered_emitted=self._gather.emitted,
-            reflected=self._reflect.radiance,
-            reflected_emitted=self._reflect.emitted,
-        )
-        self.film.add(frame, lit, scene, light)
+                yield Progress(0.7 + 0.2 * share, "Reflections")
+        lights = {
+            "gathered": self._gather.incoming,
+            "gathered_emitted": self._gather.emitted,
+            "reflected": self._reflect.radiance,
+            "reflected_emitted": self._reflect.emitted,
+        }
+        for number, (name, sharing) in enumerate(self._sharing.items()):
+            light = lights[name]
+            is_smooth = features.gather_cones and name.startswith("gathered")
+            if light is None or is_smooth or not features.has_reconstruction:
+                sharing.release()
+                continue
+            for share in sharing.run(frame, light):
+                yield Progress(0.9 + 0.1 * (number + share) / len(lights), "Sharing light")
+            lights[name] = sharing.shared
+        at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
+        self.film.add(frame, lit, scene, at_pixels)
         yield Progress(1.0, "Pass done")
 
     # Report -----------------------------------------------------------------------------------------------------
@@ -319,11 +324,11 @@ class Pipeline:
 
     def release(self) -> None:
         """Free every GL object."""
-        for part in (
+        parts: tuple[Any, ...] = (
             self._surface,
             self._direct,
             self._gather,
-            self._reconstruct,
+            *self._sharing.values(),
             self._reflect,
             self._cones,
             self._bounce,
@@ -335,6 +340,7 @@ class Pipeline:
             self._geometry,
             self._materials,
             self.film,
-        ):
+        )
+        for part in parts:
             part.release()
         self._memo = _Memo()

@@ -74,6 +74,6 @@ void main()
 #endif
     imageStore(incoming_out, at, vec4(finite_or_zero(bounced + emitted), nearness));
 #if KEEPS_EMITTED
-    imageStore(emitted_out, at, vec4(finite_or_zero(emitted), 0.0));
+    imageStore(emitted_out, at, vec4(finite_or_zero(emitted), nearness));
 #endif
 }

@@ -4,7 +4,7 @@
 // at least as large as they are; nearer, it is followed: it is left to the next layer, which shades it for itself.
 // FIRST_LAYER: what the camera sees.    HAS_LAYERS: there may be a next one.
 // Input: surface pictures and rays of the layer, faces' radiance, triangles of cells, lights.
-// Output: radiance_img: reflected radiance, added up over layers. KEEPS_EMITTED: emitted_out: what of it comes straight
+// Output: radiance_img: reflected radiance, added up over layers; w: 1 / distance of what the first met, 1/cells. KEEPS_EMITTED: emitted_out: what of it comes straight
 // from lights or the world. HAS_LAYERS: rays_img, seen_img, throughput_img of the next layer, which has no surfaces yet.
 
 #include "lib/incoming.glsl"
@@ -62,6 +62,7 @@ void main()
     Pixel p = fetch_pixel(at);
     vec3 bounced = vec3(0.0);
     vec3 emitted = vec3(0.0);
+    float nearness = 0.0;
     uint seen = 0u;
     vec3 throughput = vec3(amount);
     float lobe_width = 0.0;
@@ -127,18 +128,19 @@ void main()
                 atomicAdd(followed, 1u);
             }
 #endif
+            nearness = 1.0 / max(found.distance, 1e-3);
             bounced = found.bounced * throughput;
             emitted = found.emitted * throughput;
         }
     }
     vec3 radiance = finite_or_zero(bounced + emitted);
 #if FIRST_LAYER
-    imageStore(radiance_img, at, vec4(radiance, 0.0));
+    imageStore(radiance_img, at, vec4(radiance, nearness));
 #if KEEPS_EMITTED
-    imageStore(emitted_out, at, vec4(finite_or_zero(emitted), 0.0));
+    imageStore(emitted_out, at, vec4(finite_or_zero(emitted), nearness));
 #endif
 #else
-    imageStore(radiance_img, at, vec4(imageLoad(radiance_img, at).rgb + radiance, 0.0));
+    imageStore(radiance_img, at, imageLoad(radiance_img, at) + vec4(radiance, 0.0));
 #endif
 #if HAS_LAYERS
     imageStore(seen_img, at, uvec4(seen));
