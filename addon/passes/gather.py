@@ -9,11 +9,13 @@ import moderngl
 
 from ..gpu import interface
 from ..gpu.context import GpuContext
+from .emitters import PIXEL_SAMPLES
 from .frame import Frame, LitVoxels, run_tiles
 
 
 class GatherPass:
-    """Owns the mean incoming radiance at each pixel; what of it comes straight from the world is kept when asked for."""
+    """Owns the mean incoming radiance at each pixel; what of it comes straight from the world or emitters is
+    kept when asked for."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
@@ -41,6 +43,7 @@ class GatherPass:
             | {
                 "GATHER_CONES": features.gather_cones,
                 "GATHER_OCCLUSION": features.gather_occlusion,
+                "HAS_EMITTERS": features.gathers_emission,
                 "KEEPS_EMITTED": keeps_emitted,
             },
         )
@@ -55,6 +58,10 @@ class GatherPass:
             self.incoming.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
             if self.emitted is not None:
                 self.emitted.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
+            if features.gathers_emission:
+                lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
+                # Emission is direct light: what multiplies this picture later is divided out.
+                kernel.set(emission_amount=settings.direct_amount / settings.indirect_amount)
             kernel.set(
                 sample_index=frame.index,
                 ray_count=settings.rays,

@@ -9,11 +9,13 @@ import moderngl
 
 from ..gpu import interface
 from ..gpu.context import GpuContext
+from .emitters import PIXEL_SAMPLES
 from .frame import Frame, LitVoxels, run_tiles
 
 
 class ReflectPass:
-    """Owns the reflected radiance at each pixel; what of it comes straight from lights or the world is kept when asked for."""
+    """Owns the reflected radiance at each pixel; what of it comes straight from lights, emitters or the world is
+    kept when asked for."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
@@ -42,6 +44,7 @@ class ReflectPass:
             | {
                 "HAS_LIGHTS": features.has_lights,
                 "GATHER_OCCLUSION": features.gather_occlusion,
+                "HAS_EMITTERS": features.reflects_emission,
                 "KEEPS_EMITTED": keeps_emitted,
             },
         )
@@ -56,6 +59,9 @@ class ReflectPass:
             self.radiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
             if self.emitted is not None:
                 self.emitted.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
+            if features.reflects_emission:
+                lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
+                kernel.set(emission_amount=settings.direct_amount)
             kernel.set(
                 sample_index=frame.index,
                 random_seed=settings.seed,

@@ -204,9 +204,9 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "inject", "link", "bounce", "pixel_bins", "surface", "light_shapes", "direct", "gather", "compose",
     }  # fmt: skip
     for absent in (
-        "face emission",
+        "emitters",
         "cell opacities",
-        "sky light of faces",
+        "straight light of faces",
         "world",
         "cone levels",
         "image textures",

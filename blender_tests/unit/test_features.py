@@ -12,7 +12,7 @@ from addon.scene import LightKind, RayVisibility, SceneData
 from addon.settings import Settings
 from blender_tests.passes import scenes
 
-PLAIN = {"diffuse": True, "emission": False, "transparency": False, "specular": False, "world": False}
+PLAIN = dict.fromkeys(("emission", "small_emitters", "transparency", "specular", "world"), False) | {"diffuse": True}
 
 
 def features(made: SceneData, settings: Settings | None = None, **has: bool) -> set[str]:
@@ -62,9 +62,40 @@ def test_sun_lit_room(settings: dict[str, Any], has: dict[str, bool], expected: 
 
 
 def test_light_without_lights() -> None:
-    """Emission or a world alone light a room."""
-    for name in ("emission", "world"):
-        assert features(room(), **{name: True}) == {"geometry", name, "diffuse_gather", "radiance", "bounces"}
+    """A world alone lights a room."""
+    assert features(room(), world=True) == {"geometry", "world", "diffuse_gather", "radiance", "bounces"}
+
+
+GATHERED = {"geometry", "emission", "diffuse_gather", "radiance", "bounces", "gathers_emission"}
+DRAWN = {"direct", "draws_emitters_at_pixels"}
+
+
+@pytest.mark.parametrize(
+    ("settings", "has", "expected"),
+    [
+        ({}, {}, GATHERED),
+        ({}, {"small_emitters": True}, GATHERED | DRAWN | {"draws_emitters_at_faces"}),
+        # Rays alone do not find all of it: they end early, are cones, or are not sent.
+        ({"max_distance": 1.0}, {}, GATHERED | DRAWN),
+        (
+            {"gather_mode": "CONES"}, {},
+            (GATHERED - {"gathers_emission"}) | DRAWN | {"gather_cones", "cones"},
+        ),
+        (
+            {"gather_mode": "OCCLUSION"}, {},
+            (GATHERED - {"gathers_emission", "radiance", "bounces"}) | DRAWN | {"gather_occlusion"},
+        ),
+        ({"use_indirect": False}, {}, {"geometry", "emission"} | DRAWN),
+        ({"bounces": 0}, {}, (GATHERED - {"bounces"}) | {"draws_emitters_at_faces"}),
+        # Light straight from emitters is direct light.
+        ({"use_direct": False}, {"small_emitters": True}, (GATHERED - {"gathers_emission"}) | {"draws_emitters_at_faces"}),
+        ({}, {"specular": True}, GATHERED | {"glossy", "reflects_emission"}),
+        ({}, {"specular": True, "diffuse": False}, (GATHERED - {"diffuse_gather", "gathers_emission"})
+         | {"glossy", "reflects_emission"}),
+    ],
+)  # fmt: skip
+def test_room_with_emitters(settings: dict[str, Any], has: dict[str, bool], expected: set[str]) -> None:
+    assert features(room(), Settings(**settings), emission=True, **has) == expected
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 // Reflections at each pixel: what one ray, drawn from the GGX lobe's visible normals, meets: surfaces, the world, lights
 // wider than the lobe.
 // Input: surface pictures, faces' radiance, triangles of cells, lights.
-// Output: radiance_out: reflected radiance. KEEPS_EMITTED: emitted_out: what of it comes straight from lights or the world.
+// Output: radiance_out: reflected radiance. KEEPS_EMITTED: emitted_out: what of it comes straight from lights, emitters or the world.
 
 #include "lib/incoming.glsl"
 #include "lib/sampling.glsl"
@@ -53,7 +53,8 @@ void main()
             float n_v = view_t.z;
             vec3 weight = fresnel(p.f0, p.f90, max(dot(view, half_vector), 0.0)) *
                           (ggx_masking(n_l, n_v, alpha) / ggx_masking_view(n_v, alpha));
-            Incoming found = incoming(origin, direction, RAY_GLOSSY, hash(seed, 3u + sample_index));
+            float density = ggx_density(normal, view, direction, alpha);
+            Incoming found = incoming(origin, direction, RAY_GLOSSY, density, hash(seed, 3u + sample_index));
 #if HAS_LIGHTS
             for (uint k = 0u; k < light_count; ++k) {
                 float light_distance;
