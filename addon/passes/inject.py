@@ -117,7 +117,7 @@ class InjectPass:
     ) -> Iterator[float]:
         """Trace shadows and sum up irradiance / pi. Yields the share done.
 
-        ``emitters`` None: links alone look for them, or there are none. ``link_count``: links of a face, which look too.
+        ``emitters`` None: links alone look for them, or there are none. ``link_count``: of each face; they look too.
         """
         self.release()
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 4, "f4")

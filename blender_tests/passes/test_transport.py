@@ -62,8 +62,8 @@ def test_lights_obey_shadows_and_visibility(gpu: GpuContext) -> None:
 
 @pytest.mark.parametrize("albedo", [0.5, 0.8, 0.95])
 def test_closed_box(albedo: float, gpu: GpuContext) -> None:
-    """Emission 1 - r on walls of albedo r: after n bounces 1 - r^(n + 1), in the end 1, leaves every face inside. All but
-    the emission is what faces pass on."""
+    """Emission 1 - r on walls of albedo r: after n bounces 1 - r^(n + 1), in the end 1, leaves every face inside. What
+    is not emission was passed on."""
     made = scenes.scene((scenes.box(inside_out=True), scenes.glowing(albedo, 1.0 - albedo)))
     for bounces in (3, 200):
         with pipeline(gpu, made, scenes.settings(16, bounces=bounces), samples=0) as ready:

@@ -88,7 +88,10 @@ DRAWN = {"direct", "draws_emitters_at_pixels"}
         ({"use_indirect": False}, {}, {"geometry", "emission"} | DRAWN),
         ({"bounces": 0}, {}, (GATHERED - {"bounces"}) | {"draws_emitters_at_faces"}),
         # Light straight from emitters is direct light.
-        ({"use_direct": False}, {"small_emitters": True}, (GATHERED - {"gathers_emission"}) | {"draws_emitters_at_faces"}),
+        (
+            {"use_direct": False}, {"small_emitters": True},
+            (GATHERED - {"gathers_emission"}) | {"draws_emitters_at_faces"},
+        ),
         ({}, {"specular": True}, GATHERED | {"glossy", "reflects_emission"}),
         ({}, {"specular": True, "diffuse": False}, (GATHERED - {"diffuse_gather", "gathers_emission"})
          | {"glossy", "reflects_emission"}),
