@@ -25,6 +25,7 @@ class Features:
     has_visible_lights: bool
     needs_radiance: bool  # voxel faces carry light
     bounces: bool
+    needs_links: bool  # rays from voxel faces: to others, to the world, to emitters
     shadow_cones: bool
     gather_cones: bool
     needs_cones: bool
@@ -86,11 +87,12 @@ class Features:
             has_visible_lights=visible,
             needs_radiance=needs_radiance,
             bounces=bounces,
+            needs_links=bounces or (needs_radiance and (world or emission)),
             shadow_cones=shadow_cones,
             gather_cones=gather_cones,
             needs_cones=shadow_cones or gather_cones,
             gather_occlusion=occlusion and (gather or glossy),
-            draws_emitters_at_faces=needs_radiance and emission and (small_emitters or not bounces),
+            draws_emitters_at_faces=needs_radiance and emission and small_emitters,
             draws_emitters_at_pixels=draws_at_pixels,
             gathers_emission=gathers_emission,
             reflects_emission=reflects_emission,

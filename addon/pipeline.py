@@ -20,7 +20,7 @@ from .camera import CameraRays, pixel_offset
 from .features import Features
 from .gpu.context import GpuContext
 from .grid import VoxelGrid, choose_resolution, scene_bounds
-from .passes.bounce import BouncePass, LinkPass, link_count
+from .passes.bounce import BouncePass, LinkPass
 from .passes.compose import Film, PixelLight
 from .passes.cones import ConeVolume
 from .passes.direct import DirectPass
@@ -232,24 +232,25 @@ class Pipeline:
         assert voxels is not None
         drawn = features.draws_emitters_at_faces
         links = (settings.bounce_rays, settings.seed, drawn)
-        if features.bounces and memo.stale("links", *links):
+        if features.needs_links and memo.stale("links", *links):
             memo.forget("radiance")
             for share in self._links.run(voxels, self._world, self._emitters, drawn=drawn, settings=settings):
                 yield Progress(0.3 + 0.5 * share, "Linking voxels")
             memo.done("links", *links)
-        if not features.bounces:
+        if not features.needs_links:
             self._links.release()
             memo.forget("links")
-        light = (settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.bounces, drawn)
+        light = (
+            settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.needs_links, drawn,
+        )  # fmt: skip
         if memo.stale("radiance", *light):
             if features.has_lights or drawn:
                 emitters = self._emitters if drawn else None
-                count = link_count(settings) if features.bounces else 0
-                for share in self._inject.run(voxels, self._lights, emitters, count, settings):
+                for share in self._inject.run(voxels, self._lights, emitters, settings):
                     yield Progress(0.8 + 0.1 * share, "Lighting voxels")
             else:
                 self._inject.release()
-            passed = self._links if features.bounces else None
+            passed = self._links if features.needs_links else None
             for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
             memo.done("radiance", *light)

@@ -172,7 +172,7 @@ class Settings:
         "Bounces",
         64,
         "Most times that light is passed between voxels before the picture gathers it; it stops sooner "
-        "when nothing changes any more. 0: only what lights reach directly.",
+        "when nothing changes any more. 0: only what light reaches directly.",
         Panel.LIGHT,
         lo=0,
         hi=1024,

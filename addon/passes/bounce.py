@@ -90,18 +90,18 @@ class BouncePass:
     ) -> Iterator[float]:
         """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done.
 
-        ``irradiance`` None: nothing was injected. ``links`` None: no bounces, only what lights send off the faces.
+        ``irradiance`` None: nothing was injected. ``links`` None: no bounces, only what was injected leaves the faces.
         """
         self.release()
-        textures = 2 if links else 1
+        textures = 2 if links and settings.bounces else 1
         self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 4, "f4") for _ in range(textures)]
         self.bounces = 0
         with self.gpu.timed("bounce"):
-            self._pass(voxels, irradiance, None, self.radiance[0])
+            self._pass(voxels, irradiance, links, self.radiance[0], first=True)
         before = None
         while links and self.bounces < settings.bounces:
             with self.gpu.timed("bounce"):
-                self._pass(voxels, irradiance, links, self.radiance[1])
+                self._pass(voxels, irradiance, links, self.radiance[1], first=False)
                 self.radiance.reverse()
                 self.bounces += 1
                 if self.bounces % CHECK_EVERY == 0 and self.bounces < settings.bounces:
@@ -113,26 +113,34 @@ class BouncePass:
             yield self.bounces / settings.bounces
 
     def _pass(
-        self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, target: moderngl.Texture
+        self,
+        voxels: Voxels,
+        irradiance: moderngl.Texture | None,
+        links: LinkPass | None,
+        target: moderngl.Texture,
+        *,
+        first: bool,
     ) -> None:
         gpu, slot = self.gpu, interface.slot
+        straight = links.straight if links else None
         kernel = gpu.kernel(
             "bounce",
             {
-                "FIRST": links is None,
-                "HAS_LIGHTS": irradiance is not None,
-                "HAS_STRAIGHT": links is not None and links.straight is not None,
+                "FIRST": first,
+                "HAS_INJECTED": irradiance is not None,
+                "HAS_STRAIGHT": straight is not None,
             },
         )
         voxels.faces.bind()
         if irradiance is not None:
             irradiance.use(slot("TEX_FACE_IRRADIANCE"))
+        if straight is not None:
+            straight.use(slot("TEX_FACE_STRAIGHT"))
         kernel.set(face_count=voxels.faces.count)
-        if links is not None and links.links is not None:
+        if not first:
+            assert links is not None and links.links is not None
             self.radiance[0].use(slot("TEX_FACE_RADIANCE"))
             links.links.use(slot("TEX_LINKS"))
-            if links.straight is not None:
-                links.straight.use(slot("TEX_FACE_STRAIGHT"))
             kernel.set(link_count=links.count)
         target.bind_to_image(slot("IMG_0"), read=False, write=True)
         kernel.run_list(voxels.faces.count)

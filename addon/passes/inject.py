@@ -13,6 +13,7 @@ from ..gpu.context import GpuContext, Kernel
 from ..grid import VoxelGrid
 from ..scene import AreaShape, LightData, LightKind
 from ..settings import Settings
+from .bounce import link_count
 from .emitters import FACE_SAMPLES, EmitterTable
 from .voxelize import Voxels
 
@@ -113,11 +114,11 @@ class InjectPass:
         self.irradiance: moderngl.Texture | None = None
 
     def run(
-        self, voxels: Voxels, lights: LightTable, emitters: EmitterTable | None, link_count: int, settings: Settings
+        self, voxels: Voxels, lights: LightTable, emitters: EmitterTable | None, settings: Settings
     ) -> Iterator[float]:
         """Trace shadows and sum up irradiance / pi. Yields the share done.
 
-        ``emitters`` None: links alone look for them, or there are none. ``link_count``: of each face; they look too.
+        ``emitters``: points are drawn on them, weighed against the links, which look for them too; or None.
         """
         self.release()
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 4, "f4")
@@ -142,7 +143,7 @@ class InjectPass:
                 irradiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 kernel.set(
                     site_first=first, face_count=voxels.faces.count, random_seed=settings.seed,
-                    use_shadows=settings.use_shadows, link_count=link_count,
+                    use_shadows=settings.use_shadows, link_count=link_count(settings),
                 )  # fmt: skip
                 kernel.run_list(min(step, voxels.faces.count - first))
             yield min(1.0, (first + step) / voxels.faces.count)

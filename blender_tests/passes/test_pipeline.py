@@ -194,7 +194,9 @@ def report(gpu: GpuContext, made: SceneData, settings: Settings) -> tuple[Featur
 def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
     """No texture, emission, gloss, transparency or world: written by hand."""
     features, passes, programs, memory = report(gpu, scenes.cornell(), scenes.settings(16, bounces=2))
-    assert features.names == ["geometry", "lights", "diffuse_gather", "direct", "visible_lights", "radiance", "bounces"]
+    assert features.names == [
+        "geometry", "lights", "diffuse_gather", "direct", "visible_lights", "radiance", "bounces", "links",
+    ]  # fmt: skip
     assert set(passes) - {"compile"} == {
         "materials", "geometry", "voxelize", "inject", "link", "bounce", "visibility", "surface", "light shapes",
         "direct", "gather", "compose",

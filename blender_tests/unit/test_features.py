@@ -35,24 +35,24 @@ def test_nothing_needs_nothing() -> None:
 @pytest.mark.parametrize(
     ("settings", "has", "expected"),
     [
-        ({}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces"}),
+        ({}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces"}),
         ({"use_indirect": False}, {}, {"geometry", "lights", "direct"}),
         ({"indirect_amount": 0.0}, {}, {"geometry", "lights", "direct"}),
-        ({"use_direct": False}, {}, {"geometry", "lights", "diffuse_gather", "radiance", "bounces"}),
+        ({"use_direct": False}, {}, {"geometry", "lights", "diffuse_gather", "radiance", "links", "bounces"}),
         ({"bounces": 0}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance"}),
-        ({}, {"specular": True}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces", "glossy"}),
+        ({}, {"specular": True}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces", "glossy"}),
         (
             {"use_specular": False}, {"specular": True},
-            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces"},
+            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces"},
         ),
         ({"gather_mode": "OCCLUSION"}, {}, {"geometry", "lights", "direct", "diffuse_gather", "gather_occlusion"}),
         (
             {"gather_mode": "CONES"}, {},
-            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces", "gather_cones", "cones"},
+            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces", "gather_cones", "cones"},
         ),
         (
             {"shadow_mode": "CONE", "use_indirect": False}, {},
-            {"geometry", "lights", "direct", "radiance", "bounces", "shadow_cones", "cones"},
+            {"geometry", "lights", "direct", "radiance", "links", "bounces", "shadow_cones", "cones"},
         ),
         ({"shadow_mode": "CONE", "use_indirect": False, "use_shadows": False}, {}, {"geometry", "lights", "direct"}),
     ],
@@ -63,10 +63,11 @@ def test_sun_lit_room(settings: dict[str, Any], has: dict[str, bool], expected: 
 
 def test_light_without_lights() -> None:
     """A world alone lights a room."""
-    assert features(room(), world=True) == {"geometry", "world", "diffuse_gather", "radiance", "bounces"}
+    assert features(room(), world=True) == {"geometry", "world", "diffuse_gather", "radiance", "links", "bounces"}
+    assert "links" in features(room(), Settings(bounces=0), world=True)
 
 
-GATHERED = {"geometry", "emission", "diffuse_gather", "radiance", "bounces", "gathers_emission"}
+GATHERED = {"geometry", "emission", "diffuse_gather", "radiance", "links", "bounces", "gathers_emission"}
 DRAWN = {"direct", "draws_emitters_at_pixels"}
 
 
@@ -83,10 +84,10 @@ DRAWN = {"direct", "draws_emitters_at_pixels"}
         ),
         (
             {"gather_mode": "OCCLUSION"}, {},
-            (GATHERED - {"gathers_emission", "radiance", "bounces"}) | DRAWN | {"gather_occlusion"},
+            (GATHERED - {"gathers_emission", "radiance", "links", "bounces"}) | DRAWN | {"gather_occlusion"},
         ),
         ({"use_indirect": False}, {}, {"geometry", "emission"} | DRAWN),
-        ({"bounces": 0}, {}, (GATHERED - {"bounces"}) | {"draws_emitters_at_faces"}),
+        ({"bounces": 0}, {}, GATHERED - {"bounces"}),
         # Light straight from emitters is direct light.
         (
             {"use_direct": False}, {"small_emitters": True},
