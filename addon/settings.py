@@ -189,7 +189,9 @@ class Settings:
         soft_hi=64,
         cost="voxel time grows in proportion",
     )
-    use_direct: bool = _setting("Direct", True, "Light that comes straight from lights and glowing surfaces.", Panel.LIGHT)
+    use_direct: bool = _setting(
+        "Direct", True, "Light that comes straight from lights and glowing surfaces.", Panel.LIGHT
+    )
     direct_amount: float = _setting(
         "Direct Amount", 1.0, "Factor on direct light.", Panel.LIGHT, lo=0.0, hi=10.0, soft_hi=2.0
     )

@@ -24,7 +24,7 @@ def test_furnace(albedo: float, voxels: int) -> None:
 
 @pytest.mark.parametrize("bounces", [0, 1, 4])
 def test_each_bounce_adds_its_share(bounces: int) -> None:
-    """Emission is seen directly, then reflected by the gather, by faces that it reaches, and by each bounce between them."""
+    """Emission is seen directly, then reflected by the gather, by faces, and by each bounce between them."""
     albedo = 0.5
     furnace.scene(albedo)
     picture = rendering.conelight(voxels=32, samples=4, bounces=bounces)[..., :3]

@@ -40,7 +40,10 @@ def test_nothing_needs_nothing() -> None:
         ({"indirect_amount": 0.0}, {}, {"geometry", "lights", "direct"}),
         ({"use_direct": False}, {}, {"geometry", "lights", "diffuse_gather", "radiance", "links", "bounces"}),
         ({"bounces": 0}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance"}),
-        ({}, {"specular": True}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces", "glossy"}),
+        (
+            {}, {"specular": True},
+            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces", "glossy"},
+        ),
         (
             {"use_specular": False}, {"specular": True},
             {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces"},
