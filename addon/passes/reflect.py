@@ -91,6 +91,7 @@ class ReflectPass:
                 "KEEPS_EMITTED": keeps_emitted,
                 "FIRST_LAYER": first,
                 "HAS_LAYERS": self._layer is not None,
+                "HAS_TRANSMISSION": features.has_transmission,
                 "SHARP_WIDTH": SHARP_WIDTH,
                 "SHARP_REACH": SHARP_REACH,
                 "SPREAD_OF_ALPHA": SPREAD_OF_ALPHA,

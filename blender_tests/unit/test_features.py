@@ -13,7 +13,8 @@ from addon.settings import Settings
 from blender_tests.passes import scenes
 
 PLAIN: dict[str, Any] = {
-    "diffuse": True, "emission": False, "transparency": False, "specular": False, "least_roughness": 1.0, "world": False
+    "diffuse": True, "emission": False, "transparency": False, "specular": False, "least_roughness": 1.0,
+    "transmission": False, "world": False
 }  # fmt: skip
 
 

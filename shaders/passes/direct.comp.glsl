@@ -59,10 +59,11 @@ void main()
             vec3 on_glossy = vec3(0.0);
 #if HAS_GLOSSY
             // Rays of pass `reflect` look for the light too.
-            if ((light.flags & RAY_GLOSSY) != 0u) {
+            if ((light.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
                 float rays = ggx_density(glossy_normal, -direction, s.direction, max(p.alpha * specular_aperture, 1e-4));
                 float points = light_density(light, origin, s.direction, s.distance);
-                on_glossy = s.irradiance * ggx_reflection(glossy_normal, -direction, s.direction, p.alpha, p.f0, p.f90) *
+                on_glossy = s.irradiance * ggx_reflection(glossy_normal, -direction, s.direction, p.alpha, p.f0, p.f90,
+                                                          p.ior) *
                             mis_weight(points, rays);
             }
 #endif
