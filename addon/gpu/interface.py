@@ -91,6 +91,7 @@ TEXTURE_ALIASES = {
     "TEX_GATHERED_EMITTED": "TEX_CELLS",
     "TEX_REFLECTED": "TEX_CORNERS",
     "TEX_REFLECTED_EMITTED": "TEX_CELL_TRIANGLES",
+    "TEX_VALUE": "TEX_TRIANGLES",
 }
 #: Material textures share units with what a step that evaluates materials never reads. GL promises sixteen units, so
 #: eight textures; more where the driver has more.

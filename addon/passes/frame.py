@@ -46,7 +46,7 @@ class Frame:
 
     @property
     def defines(self) -> dict[str, object]:
-        """What lib/pixel.glsl and lib/ray.glsl ask for."""
+        """What lib/tiles.glsl and lib/ray.glsl ask for."""
         return self.surface.ray_defines | {"IS_ADAPTIVE": self._asks_tiles}
 
     @property
@@ -60,10 +60,14 @@ class Frame:
     def bind(self, kernel: Kernel) -> None:
         """Bind what lib/pixel.glsl and lib/ray.glsl read."""
         self.surface.bind()
+        self.bind_tiles()
+        kernel.set(**self.camera.uniforms(self.offset))
+
+    def bind_tiles(self) -> None:
+        """Bind what lib/tiles.glsl reads."""
         if self._asks_tiles:
             assert self.active_tiles is not None
             self.active_tiles.texture.bind_to_image(interface.slot("IMG_TILES"), read=True, write=False)
-        kernel.set(**self.camera.uniforms(self.offset))
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,9 @@ class LitVoxels:
         self.world.bind(kernel)
 
 
-def run_tiles(gpu: GpuContext, name: str, kernel: Kernel, frame: Frame, rays: int, bind: Callable[[], None]) -> Iterator[float]:
+def run_tiles(
+    gpu: GpuContext, name: str, kernel: Kernel, frame: Frame, rays: int, bind: Callable[[], None]
+) -> Iterator[float]:
     """Run ``kernel`` over the picture, part by part; ``rays``: how many it traces for a pixel. Yields the share done.
 
     Parts without an active tile are left out. The kernel asks ``is_active`` (lib/pixel.glsl) for each pixel.

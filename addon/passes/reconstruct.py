@@ -13,8 +13,8 @@ from .frame import Frame, run_tiles
 
 #: Each level shares light twice as far as the one before: 1, 2, 4, ... pixels.
 LEVELS = 5
-#: In the first pass: the error that sharing may bring, as a share of the light, and the radius (pixels) in which light is
-#: shared even where surfaces are near.
+#: In the first pass: the error that sharing may bring, as a share of the light, and the radius (pixels) in which light
+#: is shared even where surfaces are near.
 TOLERANCE, LEAST_RADIUS = 0.5, 8.0
 #: Both shrink with this power of the number of passes, so that what sharing blurs vanishes as passes accumulate: noise
 #: falls as their square root, and needs sharing less and less. The idea is that of Hachisuka et al. 2008, "Progressive

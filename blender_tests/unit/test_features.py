@@ -38,17 +38,24 @@ def test_nothing_needs_nothing() -> None:
 @pytest.mark.parametrize(
     ("settings", "has", "expected"),
     [
-        ({}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces"}),
+        ({}, {}, {"geometry", "lights", "direct", "diffuse_gather", "reconstruction", "radiance", "bounces"}),
         ({"use_indirect": False}, {}, {"geometry", "lights", "direct"}),
+        ({"use_reconstruction": False}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces"}),
         ({"indirect_amount": 0.0}, {}, {"geometry", "lights", "direct"}),
-        ({"use_direct": False}, {}, {"geometry", "lights", "diffuse_gather", "radiance", "bounces"}),
-        ({"bounces": 0}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance"}),
-        ({}, {"specular": True}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces", "glossy"}),
+        ({"use_direct": False}, {}, {"geometry", "lights", "diffuse_gather", "reconstruction", "radiance", "bounces"}),
+        ({"bounces": 0}, {}, {"geometry", "lights", "direct", "diffuse_gather", "reconstruction", "radiance"}),
+        (
+            {}, {"specular": True},
+            {"geometry", "lights", "direct", "diffuse_gather", "reconstruction", "radiance", "bounces", "glossy"},
+        ),
         (
             {"use_specular": False}, {"specular": True},
-            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces"},
+            {"geometry", "lights", "direct", "diffuse_gather", "reconstruction", "radiance", "bounces"},
         ),
-        ({"gather_mode": "OCCLUSION"}, {}, {"geometry", "lights", "direct", "diffuse_gather", "gather_occlusion"}),
+        (
+            {"gather_mode": "OCCLUSION"}, {},
+            {"geometry", "lights", "direct", "diffuse_gather", "reconstruction", "gather_occlusion"},
+        ),
         (
             {"gather_mode": "CONES"}, {},
             {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces", "gather_cones", "cones"},
@@ -78,7 +85,8 @@ def test_only_sharp_reflections_are_followed() -> None:
 def test_light_without_lights() -> None:
     """Emission or a world alone light a room."""
     for name in ("emission", "world"):
-        assert features(room(), **{name: True}) == {"geometry", name, "diffuse_gather", "radiance", "bounces"}
+        expected = {"geometry", name, "diffuse_gather", "reconstruction", "radiance", "bounces"}
+        assert features(room(), **{name: True}) == expected
 
 
 @pytest.mark.parametrize(

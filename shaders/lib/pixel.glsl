@@ -2,27 +2,13 @@
 // The surface seen at a pixel, as pass `surface` left it.
 
 #include "lib/common.glsl"
+#include "lib/tiles.glsl"
 
 layout(binding = TEX_POSITION) uniform sampler2D position_tex;
 layout(binding = TEX_NORMAL) uniform sampler2D normal_tex;
 layout(binding = TEX_DIFFUSE) uniform sampler2D diffuse_tex;
 layout(binding = TEX_F0) uniform sampler2D f0_tex;
 layout(binding = TEX_F90) uniform sampler2D f90_tex;
-
-// Whether a pixel's noise is still too high.
-// IS_ADAPTIVE: there is a noise threshold.
-#if IS_ADAPTIVE
-layout(binding = IMG_TILES, r8ui) readonly uniform uimage2D active_tiles_img;
-bool is_active(ivec2 pixel)
-{
-    return imageLoad(active_tiles_img, pixel / TILE_SIZE).r != 0u;
-}
-#else
-bool is_active(ivec2 pixel)
-{
-    return true;
-}
-#endif
 
 struct Pixel {
     bool is_surface;

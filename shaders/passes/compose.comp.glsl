@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Add one pass to one of the film's sums. OUTPUT says which; see passes/compose.py.
-// Input: surface pictures, direct and indirect light.    Output: sum_img (sum over passes; w: alpha); KEEPS_HALF: half_img.
+// What this pass brings to one of the film's pictures. OUTPUT says to which; see passes/compose.py.
+// Input: surface pictures, direct and indirect light.    Output: value_img (w: alpha).
 
 #include "lib/pixel.glsl"
 #include "lib/camera.glsl"
@@ -27,10 +27,7 @@ layout(binding = TEX_REFLECTED) uniform sampler2D reflected_tex;
 #if HAS_REFLECTED_EMITTED
 layout(binding = TEX_REFLECTED_EMITTED) uniform sampler2D reflected_emitted_tex;
 #endif
-layout(binding = IMG_0, rgba32f) uniform image2D sum_img;
-#if KEEPS_HALF
-layout(binding = IMG_1, rgba32f) uniform image2D half_img;  // sum over every other pass
-#endif
+layout(binding = IMG_0, rgba32f) writeonly uniform image2D value_img;
 
 uniform float direct_amount;
 uniform float indirect_amount;
@@ -41,9 +38,8 @@ uniform vec3 camera_forward;   // unit, grid space
 uniform vec3 camera_position;  // grid space
 uniform float cell_size;
 uniform vec3 grid_origin_ws;
-uniform bool first_pass;       // depth, normal and position are those of the first pass
 
-// Diffuse: to be multiplied by the reflectance. Direct: from lights, and what rays bring straight from where light is
+// Diffuse: irradiance / pi. Direct: from lights, and what rays bring straight from where light is
 // made; indirect: what surfaces pass on. Cycles divides its passes so.
 
 vec3 emitted_diffuse(ivec2 at)
@@ -105,7 +101,7 @@ vec4 of_surface(bool is_surface, vec3 radiance)
     return is_surface ? vec4(radiance * exposure, 1.0) : vec4(0.0);
 }
 
-vec4 composed(ivec2 at, vec4 before)
+vec4 composed(ivec2 at)
 {
     vec4 position = texelFetch(position_tex, at, 0);
     bool is_surface = position.w == 1.0;
@@ -117,37 +113,37 @@ vec4 composed(ivec2 at, vec4 before)
 
 #if OUTPUT == OUTPUT_COMBINED
     if (holdout) {
-        return before;
+        return vec4(0.0);
     }
     if (position.w == 0.0) {
-        return before + (film_transparent ? vec4(0.0) : vec4(world_along(direction) * exposure, 1.0));
+        return (film_transparent ? vec4(0.0) : vec4(world_along(direction) * exposure, 1.0));
     }
     vec3 diffuse = from_lights_diffuse(at) + gathered_diffuse(at);
     vec3 glossy = from_lights_glossy(at) + gathered_glossy(at);
-    return before + vec4((emission + p.diffuse * diffuse + glossy) * exposure, 1.0);
+    return vec4((emission + p.diffuse * diffuse + glossy) * exposure, 1.0);
 #elif OUTPUT == OUTPUT_DIFFUSE_DIRECT
-    return before + of_surface(is_surface, from_lights_diffuse(at) + emitted_diffuse(at));
+    return of_surface(is_surface, p.diffuse * (from_lights_diffuse(at) + emitted_diffuse(at)));
 #elif OUTPUT == OUTPUT_DIFFUSE_INDIRECT
-    return before + of_surface(is_surface, gathered_diffuse(at) - emitted_diffuse(at));
+    return of_surface(is_surface, p.diffuse * (gathered_diffuse(at) - emitted_diffuse(at)));
 #elif OUTPUT == OUTPUT_GLOSSY_DIRECT
-    return before + of_surface(is_surface, from_lights_glossy(at) + emitted_glossy(at));
+    return of_surface(is_surface, from_lights_glossy(at) + emitted_glossy(at));
 #elif OUTPUT == OUTPUT_GLOSSY_INDIRECT
-    return before + of_surface(is_surface, gathered_glossy(at) - emitted_glossy(at));
+    return of_surface(is_surface, gathered_glossy(at) - emitted_glossy(at));
 #elif OUTPUT == OUTPUT_DIFFUSE_COLOR
-    return before + (is_surface ? vec4(p.diffuse, 1.0) : vec4(0.0));
+    return (is_surface ? vec4(p.diffuse, 1.0) : vec4(0.0));
 #elif OUTPUT == OUTPUT_GLOSSY_COLOR
-    return before + (is_surface ? vec4(1.0) : vec4(0.0));
+    return (is_surface ? vec4(1.0) : vec4(0.0));
 #elif OUTPUT == OUTPUT_EMISSION
-    return before + vec4(emission * exposure, 1.0);
+    return vec4(emission * exposure, 1.0);
 #elif OUTPUT == OUTPUT_ENVIRONMENT
-    return before + (position.w == 0.0 ? vec4(world_along(direction) * exposure, 1.0) : vec4(0.0));
+    return (position.w == 0.0 ? vec4(world_along(direction) * exposure, 1.0) : vec4(0.0));
 #elif OUTPUT == OUTPUT_DEPTH
     float depth = dot(position.xyz - camera_position, camera_forward) * cell_size;
-    return first_pass ? vec4(position.w > 0.0 ? depth : 1e10) : before;
+    return vec4(position.w > 0.0 ? depth : 1e10);
 #elif OUTPUT == OUTPUT_NORMAL
-    return first_pass ? vec4(is_surface ? p.normal : vec3(0.0), 1.0) : before;
+    return vec4(is_surface ? p.normal : vec3(0.0), 1.0);
 #elif OUTPUT == OUTPUT_POSITION
-    return first_pass ? vec4(is_surface ? position.xyz * cell_size + grid_origin_ws : vec3(0.0), 1.0) : before;
+    return vec4(is_surface ? position.xyz * cell_size + grid_origin_ws : vec3(0.0), 1.0);
 #else
 #error "OUTPUT is not one of the film's passes"
 #endif
@@ -159,11 +155,6 @@ void main()
     if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
-    vec4 before = imageLoad(sum_img, at);
-    vec4 sum = composed(at, before);
-    sum = vec4(is_finite(sum.rgb) ? sum.rgb : before.rgb, sum.a);
-    imageStore(sum_img, at, sum);
-#if KEEPS_HALF
-    imageStore(half_img, at, imageLoad(half_img, at) + (sum - before));
-#endif
+    vec4 value = composed(at);
+    imageStore(value_img, at, vec4(finite_or_zero(value.rgb), value.a));
 }
