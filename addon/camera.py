@@ -104,7 +104,8 @@ def filter_reach(filter_width: float) -> int:
 
 
 def filter_weights(place: float, filter_width: float) -> list[float]:
-    """Weights of the pixels from ``-reach`` to ``reach`` whose samples lie at ``place`` in each; zeros follow.
+    """Weights of the pixels from ``-reach`` to ``reach`` whose samples lie at ``place`` in each; zeros follow. Their sum
+    is 1 on average over places: a pass counts by what it finds of the filter.
 
     The Blackman-Harris window (Harris 1978), which falls to zero ``filter_width`` pixels from the middle: as in Cycles,
     it is twice as wide in all as the setting says.
@@ -114,4 +115,5 @@ def filter_weights(place: float, filter_width: float) -> list[float]:
         return [1.0] + [0.0] * (2 * MAX_REACH)
     x = np.clip((np.arange(-reach, reach + 1) + place - 0.5) / filter_width, -1.0, 1.0) * np.pi
     weights = 0.35875 + 0.48829 * np.cos(x) + 0.14128 * np.cos(2.0 * x) + 0.01168 * np.cos(3.0 * x)
+    weights /= 2.0 * 0.35875 * filter_width  # its integral
     return [*np.maximum(weights, 0.0).tolist(), *[0.0] * (2 * (MAX_REACH - reach))]

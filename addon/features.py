@@ -32,6 +32,7 @@ class Features:
     has_world: bool
     has_emission: bool
     has_transparency: bool
+    has_transmission: bool
     has_glossy: bool
     follows_glossy: bool  # reflections are sharp enough to show more than voxels know
     has_diffuse_gather: bool
@@ -62,6 +63,7 @@ class Features:
         transparency: bool,
         specular: bool,
         least_roughness: float,
+        transmission: bool,
         world: bool,
     ) -> Features:
         """``diffuse`` ... ``world``: what the compiled materials and the world have. ``small_emitters``: points on
@@ -71,7 +73,7 @@ class Features:
         occlusion = settings.gather_mode == "OCCLUSION"
         gather = has_geometry and lit and diffuse and settings.use_indirect and settings.indirect_amount > 0.0
         glossy = has_geometry and lit and specular and settings.use_specular and settings.specular_amount > 0.0
-        sharp = glossy and is_sharp(least_roughness, settings.specular_aperture)
+        sharp = glossy and (transmission or is_sharp(least_roughness, settings.specular_aperture))
         wants_direct = has_geometry and settings.use_direct and settings.direct_amount > 0.0
         gathers_emission = gather and emission and wants_direct and settings.gather_mode == "RAYS"
         reflects_emission = glossy and emission and wants_direct and not occlusion
@@ -98,6 +100,7 @@ class Features:
             has_world=world,
             has_emission=emission,
             has_transparency=transparency,
+            has_transmission=transmission and glossy,
             has_glossy=glossy,
             follows_glossy=sharp and settings.glossy_layers > 0 and not occlusion,
             has_diffuse_gather=gather,

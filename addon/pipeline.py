@@ -184,6 +184,7 @@ class Pipeline:
             transparency=materials.has_transparency,
             specular=materials.has_specular,
             least_roughness=materials.least_roughness,
+            transmission=materials.has_transmission,
             world=self._world.is_lit,
         )
         self.features = features

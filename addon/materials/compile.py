@@ -46,6 +46,8 @@ class MaterialFamily:
     parameters: int  # vec4
     has_diffuse: bool
     has_specular: bool
+    has_transmission: bool
+    has_coat: bool
     has_emission: bool
     has_transparency: bool
     reads_normal: bool  # bends the normal
@@ -164,9 +166,9 @@ def _output_closure(reader: GraphReader, graph: NodeGraph) -> Closure:
 
 
 def _least_roughness(closure: Closure) -> float:
-    if not closure.has_specular:
-        return 1.0
-    return float(closure.roughness.value) if closure.roughness.is_known else 0.0
+    """Of all lobes; 1 when there are none."""
+    known = [float(lobe.roughness.value) if lobe.roughness.is_known else 0.0 for lobe in closure.lobes]
+    return min(known, default=1.0)
 
 
 def _bindings(emitter: Emitter, images: list[ImageData]) -> tuple[TextureBinding, ...]:
@@ -199,14 +201,27 @@ def _left_out(owner: str, emitter: Emitter) -> list[str]:
     ]
 
 
+def _normal(emitter: Emitter, normal: Expr) -> str:
+    return "p.normal_ws" if normal is leaf("normal_ws") else f"valid_normal({emitter.write(normal)}, p.normal_ws)"
+
+
 def _emit_material(closure: Closure, max_textures: int) -> tuple[MaterialFamily, Emitter, FloatArray]:
     emitter = Emitter("material", max_textures)
     # Field, value, type, largest value: more than 1 in specular makes up for what single scattering loses.
     fields: list[tuple[str, Expr, str, str]] = [
         ("diffuse", closure.diffuse, VEC3, "1.0"),
-        ("specular_f0", closure.specular_f0, VEC3, "4.0"),
-        ("specular_f90", closure.specular_f90, VEC3, "4.0"),
-        ("roughness", closure.roughness, FLOAT, "1.0"),
+        ("specular_f0", closure.specular.f0, VEC3, "4.0"),
+        ("specular_f90", closure.specular.f90, VEC3, "4.0"),
+        ("specular_ior", closure.specular.ior, FLOAT, "100.0"),
+        ("roughness", closure.specular.roughness, FLOAT, "1.0"),
+        ("glass_f0", closure.glass.f0, VEC3, "4.0"),
+        ("glass_f90", closure.glass.f90, VEC3, "4.0"),
+        ("glass_transmission", closure.glass.transmission, VEC3, "20.0"),
+        ("glass_ior", closure.glass.ior, FLOAT, "100.0"),
+        ("glass_roughness", closure.glass.roughness, FLOAT, "1.0"),
+        ("coat", closure.coat.f90, FLOAT, "4.0"),
+        ("coat_ior", closure.coat.ior, FLOAT, "100.0"),
+        ("coat_roughness", closure.coat.roughness, FLOAT, "1.0"),
         ("emission", closure.emission, VEC3, "1e30"),
         ("transparency", closure.transparency, VEC3, "1.0"),
     ]
@@ -215,10 +230,12 @@ def _emit_material(closure: Closure, max_textures: int) -> tuple[MaterialFamily,
         expr = unless_zero(expr)
         text = emitter.write_as(expr, type)
         results.append(f"s.{name} = {text};" if expr.kind == "literal" else f"s.{name} = valid({text}, {highest});")
+    results.append(f"s.normal_ws = {_normal(emitter, closure.normal)};")
     default_normal = closure.normal is leaf("normal_ws")
-    varying = bool(emitter.textures) or bool(emitter.leaves - {"view_cosine"})
-    normal = "p.normal_ws" if default_normal else f"valid_normal({emitter.write(closure.normal)}, p.normal_ws)"
-    results.append(f"s.normal_ws = {normal};")
+    varying = bool(emitter.textures) or bool(emitter.leaves - {"view_cosine", "specular_cosine"})
+    coat_bends = closure.coat.is_there and closure.coat_normal is not closure.normal
+    results.append(f"s.coat_bends = {str(coat_bends).lower()};")
+    results.append(f"s.coat_normal_ws = {_normal(emitter, closure.coat_normal) if coat_bends else 's.normal_ws'};")
     source, parameters = _function("void evaluate_material(in ShadingPoint p, out Surface s)", emitter, results)
     family = MaterialFamily(
         source=source,
@@ -227,7 +244,9 @@ def _emit_material(closure: Closure, max_textures: int) -> tuple[MaterialFamily,
         textures=len(emitter.textures),
         parameters=len(parameters),
         has_diffuse=not unless_zero(closure.diffuse).is_literal(0.0),
-        has_specular=closure.has_specular,
+        has_specular=bool(closure.lobes),
+        has_transmission=closure.glass.is_there,
+        has_coat=closure.coat.is_there,
         has_emission=not unless_zero(closure.emission).is_literal(0.0),
         has_transparency=not unless_zero(closure.transparency).is_literal(0.0),
         reads_normal=not default_normal,

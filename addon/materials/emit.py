@@ -21,6 +21,7 @@ _LEAF_GLSL = {
     "normal_ws": "p.normal_ws", "normal_os": "p.normal_os", "geometric_normal_ws": "p.geometric_normal_ws",
     "incoming_ws": "p.incoming_ws", "back_facing": "float(p.back_facing)", "object_random": "p.object_random",
     "object_index": "p.object_index", "object_position_ws": "p.object_position_ws", "direction_ws": "direction_ws",
+    "specular_cosine": "specular_cosine(p.geometric_normal_ws, p.incoming_ws, p.normal_ws)",
     "view_cosine": "abs(dot(p.normal_ws, p.incoming_ws))",
 }  # fmt: skip
 _LAYER_GLSL = {

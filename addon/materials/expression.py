@@ -266,6 +266,7 @@ LEAVES = {
     "geometric_normal_ws": VEC3, "incoming_ws": VEC3, "back_facing": FLOAT, "object_random": FLOAT,
     "object_index": FLOAT, "object_position_ws": VEC3, "direction_ws": VEC3,
     "view_cosine": FLOAT,  # between the interpolated normal and the viewer, at least 0
+    "specular_cosine": FLOAT,  # the same with the normal that reflection takes
 }  # fmt: skip
 #: Leaves with the name of an attribute layer (None: the active one).
 LAYER_LEAVES = {"uv": VEC3, "uv_tangent": VEC3, "uv_bitangent": VEC3, "uv_footprint": FLOAT, "color": VEC4}

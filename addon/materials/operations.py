@@ -83,8 +83,35 @@ def specular_scale_bias(cosine: Any, roughness: Any) -> tuple[Array, Array]:
     return np.maximum(whole - bias, 0.0), bias
 
 
-def _specular_split(cosine: Array, roughness: Array) -> Array:
-    return np.array([*specular_scale_bias(cosine, roughness), 0.0])
+def dielectric_reflectance(cosine: Any, ior: Any) -> Array:
+    """Twin of ``dielectric_reflectance`` in shaders/lib/fresnel.glsl."""
+    squared = 1.0 - (1.0 - np.square(cosine)) / np.square(ior)
+    inside = np.sqrt(np.maximum(squared, 0.0))
+    across = (cosine - ior * inside) / np.maximum(cosine + ior * inside, 1e-20)
+    along = (ior * cosine - inside) / np.maximum(ior * cosine + inside, 1e-20)
+    return np.where(squared <= 0.0, 1.0, 0.5 * (across**2 + along**2))
+
+
+def fresnel_cosine(cosine: Any, roughness: Any) -> Array:
+    """Twin of ``fresnel_cosine`` in shaders/lib/fresnel.glsl, where its origin is told."""
+    m, r = np.asarray(cosine, dtype=np.float64), np.asarray(roughness, dtype=np.float64)
+    rows = [(-0.034, -0.3374, -0.6184), (1.1999, 1.8814, -2.569), (-0.9488, -1.0547, 2.2503)]
+    return np.sqrt(np.clip(m * m + r * r * np.polynomial.polynomial.polyval2d(r, m, rows), 0.0, 1.0))
+
+
+def dielectric_scale_bias(cosine: Any, roughness: Any, ior: Any) -> tuple[Array, Array]:
+    """Twin of ``specular_scale_bias`` with an ior."""
+    scale, bias = specular_scale_bias(cosine, roughness)
+    ior = np.maximum(ior, 1e-5)
+    f0 = np.square((ior - 1.0) / (ior + 1.0))
+    reflected = dielectric_reflectance(fresnel_cosine(cosine, roughness), ior)
+    share = np.clip((reflected - f0) / np.maximum(1.0 - f0, 1e-6), 0.0, 1.0)
+    return (scale + bias) * (1.0 - share), (scale + bias) * share
+
+
+def _specular_split(cosine: Array, roughness: Array, ior: Array) -> Array:
+    split = dielectric_scale_bias(cosine, roughness, ior) if ior > 0.0 else specular_scale_bias(cosine, roughness)
+    return np.array([*split, 0.0])
 
 
 OPERATIONS: dict[str, Operation] = {
@@ -130,7 +157,8 @@ OPERATIONS: dict[str, Operation] = {
     "cross": Operation("cross({}, {})", np.cross, "vec3"),
     "length": Operation("length({})", lambda a: np.sqrt(np.sum(a * a)), "float"),
     "normalize": Operation("safe_normalize({})", _normalize, "vec3"),
-    "specular_split": Operation("vec3(specular_scale_bias({}, {}), 0.0)", _specular_split, "vec3"),
+    "specular_split": Operation("vec3(specular_scale_bias({}, {}, {}), 0.0)", _specular_split, "vec3"),
     # The rest depends on the surface or on textures and is never folded.
+    "specular_cosine": Operation("specular_cosine(p.geometric_normal_ws, p.incoming_ws, {})", lambda _: 1.0, "float"),
     "tangent_normal": Operation("normal_from_tangent_space({}, {}, {}, {}, {})", lambda *_: np.zeros(3), "vec3"),
 }

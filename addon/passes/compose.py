@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -60,6 +61,7 @@ class Film:
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.samples = 0
+        self._weight = 0.0  # of all passes: see camera.filter_weights
         self.size = (0, 0)
         self._sums: dict[str, moderngl.Texture] = {}
         self._value: moderngl.Texture | None = None  # of one output, in this pass
@@ -88,7 +90,7 @@ class Film:
     @property
     def mean_samples(self) -> float:
         """Passes that a pixel has had, on average."""
-        return float(self._convergence.pixel_counts().mean()) if self._convergence else float(self.samples)
+        return self._convergence.mean_samples if self._convergence else float(self.samples)
 
     def start(self, size: tuple[int, int], names: Iterable[str], *, adaptive: bool) -> None:
         """Begin again at zero, with these outputs. ``adaptive``: there is a noise threshold."""
@@ -111,7 +113,7 @@ class Film:
         for texture in self._sums.values():
             texture.write(zeros)
         self.size = size
-        self.samples = 0
+        self.samples, self._weight = 0, 0.0
 
     def read(self, name: str) -> FloatArray:
         """(H, W, channels) float32, row 0 at the bottom, scene-linear, premultiplied. Raises KeyError."""
@@ -125,8 +127,9 @@ class Film:
         if not averaged:
             return result
         if self._convergence is None:
-            return result * np.float32(1.0 / max(self.samples, 1))
-        return result / np.maximum(self._convergence.pixel_counts(), 1).astype(np.float32)[..., None]
+            return result * np.float32(1.0 / (self._weight or 1.0))
+        weights = self._convergence.pixel_weights().astype(np.float32)[..., None]
+        return np.divide(result, weights, out=np.zeros_like(result), where=weights > 0.0)
 
     def release(self) -> None:
         """Free everything."""
@@ -147,8 +150,10 @@ class Film:
                 elif self.samples == 0:
                     self._compose(name, picture, frame, lit, scene, light)
             self.samples += 1
+            weight = math.prod(sum(filter_weights(place, scene.pixel_filter_width)) for place in frame.offset)
+            self._weight += weight
             if self._convergence is not None:
-                self._convergence.add(self.samples, self._sums["combined"], frame.settings.noise_threshold)
+                self._convergence.add(self.samples, weight, self._sums["combined"], frame.settings.noise_threshold)
 
     def _compose(
         self,
@@ -201,6 +206,9 @@ class Film:
             half.bind_to_image(slot("IMG_1"), read=True, write=True)
         reach = filter_reach(filter_width)
         columns, rows = (filter_weights(place, filter_width) for place in frame.offset)
-        kernel.set(picture_size=self.size, reach=reach, weights_x=columns, weights_y=rows)
+        kernel.set(
+            picture_size=self.size, reach=reach, weights_x=columns, weights_y=rows,
+            pass_weight=sum(columns) * sum(rows),
+        )  # fmt: skip
         kernel.run_tiles(*self.size)
         self.gpu.barrier()  # the next pass adds to it; the next output takes the value's place

@@ -49,6 +49,15 @@ class MaterialSet:
         return any(family.has_transparency for family in self.compiled.families)
 
     @property
+    def has_transmission(self) -> bool:
+        return any(family.has_transmission for family in self.compiled.families)
+
+    @property
+    def lets_light_through(self) -> bool:
+        """Some triangles stop only a part of the rays that look for light."""
+        return self.has_transparency or self.has_transmission
+
+    @property
     def least_roughness(self) -> float:
         """Of everything that is glossy; 0 where it varies, 1 when nothing is glossy."""
         return min((material.least_roughness for material in self.compiled.materials), default=1.0)

@@ -44,10 +44,7 @@ class ReconstructPass:
             self.release()
             self._pictures = [self.gpu.texture("shared light", frame.size, 4, "f4") for _ in range(2)]
             self._size = frame.size
-        if self.glossy:
-            steps = [(0, 0), *((1, level) for level in range(LEVELS - 1)), (2, LEVELS - 1)]
-        else:
-            steps = [(1, level) for level in range(LEVELS)]
+        steps = [(0, 0), *((1, level) for level in range(LEVELS - 1)), (2, LEVELS - 1)]
         for done, (step, level) in enumerate(steps):
             for share in self._step(frame, light, step, level):
                 yield (done + share) / len(steps)

@@ -39,13 +39,14 @@ class ReflectPass:
         self._layer: SurfacePictures | None = None
         self._throughput: moderngl.Texture | None = None
         self._followed: moderngl.Buffer | None = None
+        self._emission_weight: moderngl.Texture | None = None
         self._direct = DirectPass(gpu)
         self._gather = GatherPass(gpu)
         self._key: tuple = ()
 
-    def allocate(self, size: tuple[int, int], *, emitted: bool, layers: bool) -> None:
+    def allocate(self, size: tuple[int, int], *, emitted: bool, layers: bool, emitters: bool) -> None:
         """Make the pictures; kept when nothing changed."""
-        if self._key == (size, emitted, layers):
+        if self._key == (size, emitted, layers, emitters):
             return
         self.release()
         gpu = self.gpu
@@ -55,14 +56,17 @@ class ReflectPass:
             self._layer = SurfacePictures.allocate(gpu, "reflected surfaces", size, rays=True)
             self._throughput = gpu.texture("reflected surfaces", size, 4, "f4")
             self._followed = gpu.buffer("reflected surfaces", size=16)
-        self._key = (size, emitted, layers)
+            self._emission_weight = gpu.texture("reflected surfaces", size, 1, "f4") if emitters else None
+        self._key = (size, emitted, layers, emitters)
 
     def run(
         self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces, *, keeps_emitted: bool
     ) -> Iterator[float]:
         """Yields the share done. ``keeps_emitted``: fill ``emitted`` too."""
         features, settings = frame.features, frame.settings
-        self.allocate(frame.size, emitted=keeps_emitted, layers=features.follows_glossy)
+        self.allocate(
+            frame.size, emitted=keeps_emitted, layers=features.follows_glossy, emitters=features.reflects_emission
+        )
         layers = settings.glossy_layers if features.follows_glossy else 0
         for share in self._reflect(frame, lit, first=True, last=layers == 0):
             yield share / (1 + layers)
@@ -72,7 +76,7 @@ class ReflectPass:
                 return
             layer = _layer_frame(frame, self._layer, number)
             before = number / (1 + layers)
-            for _ in self._shade(layer, lit, surface_pass, surfaces):
+            for _ in self._shade(layer, lit, surface_pass, surfaces, keeps_emitted=keeps_emitted and number == 1):
                 yield before
             for _ in self._reflect(layer, lit, first=False, last=number == layers):
                 yield before
@@ -94,6 +98,7 @@ class ReflectPass:
                 "KEEPS_EMITTED": keeps_emitted,
                 "FIRST_LAYER": first,
                 "HAS_LAYERS": self._layer is not None,
+                "HAS_TRANSMISSION": features.has_transmission,
                 "SHARP_WIDTH": SHARP_WIDTH,
                 "SHARP_REACH": SHARP_REACH,
                 "SPREAD_OF_ALPHA": SPREAD_OF_ALPHA,
@@ -121,6 +126,8 @@ class ReflectPass:
                 self._throughput.bind_to_image(slot("IMG_4"), read=True, write=True)
                 self._layer.rays.bind_to_image(slot("IMG_5" if first else "IMG_RAYS"), read=True, write=True)
                 self._followed.bind_to_storage_buffer(slot("BUF_COUNTS"))
+                if self._emission_weight is not None:
+                    self._emission_weight.bind_to_image(slot("IMG_6"), read=False, write=True)
                 kernel.set(last_layer=last)
             if features.reflects_emission:
                 lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
@@ -136,7 +143,9 @@ class ReflectPass:
 
         yield from run_tiles(self.gpu, "reflect", kernel, frame, 1, bind)
 
-    def _shade(self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces) -> Iterator[float]:
+    def _shade(
+        self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces, *, keeps_emitted: bool
+    ) -> Iterator[float]:
         """Light that leaves the surfaces that were met, as if the camera saw them; all but what they reflect."""
         features, settings, slot = frame.features, frame.settings, interface.slot
         yield from surface_pass.shade(surfaces, frame.surface, frame.camera, frame.offset, frame.index, settings)
@@ -149,9 +158,20 @@ class ReflectPass:
                 "collect",
                 frame.defines
                 | lit.world.defines
-                | {"HAS_DIRECT": features.has_direct, "HAS_DIFFUSE_GATHER": features.has_diffuse_gather},
+                | {
+                    "HAS_DIRECT": features.has_direct,
+                    "HAS_DIFFUSE_GATHER": features.has_diffuse_gather,
+                    "HAS_EMITTERS": features.reflects_emission,
+                    "KEEPS_EMITTED": keeps_emitted,
+                },
             )
             frame.bind(kernel)
+            if keeps_emitted:
+                assert self.emitted is not None
+                self.emitted.bind_to_image(slot("IMG_1"), read=True, write=True)
+            if self._emission_weight is not None:
+                frame.surface.emission.use(slot("TEX_EMISSION"))
+                self._emission_weight.bind_to_image(slot("IMG_6"), read=True, write=False)
             lit.world.bind(kernel)
             for name, texture in (
                 ("TEX_DIRECT_DIFFUSE", self._direct.diffuse),
@@ -174,8 +194,8 @@ class ReflectPass:
 
     def release(self) -> None:
         """Free everything."""
-        self.gpu.free(self.radiance, self.emitted, self._throughput, self._followed)
-        self.radiance = self.emitted = self._throughput = self._followed = None
+        self.gpu.free(self.radiance, self.emitted, self._throughput, self._followed, self._emission_weight)
+        self.radiance = self.emitted = self._throughput = self._followed = self._emission_weight = None
         if self._layer is not None:
             self._layer.release(self.gpu)
             self._layer = None

@@ -152,13 +152,12 @@ class SurfacePass:
         settings: Settings,
     ) -> Iterator[float]:
         """Fill ``pictures`` where ``seen`` says which triangle their rays meet first. Yields the share done."""
-        seed = (settings.seed * 0x9E3779B1 + sample * MAX_LAYERS) & 0xFFFFFFFF
         if surfaces.geometry.triangle_count:
             with self.gpu.timed("surface"):
-                self._evaluate(surfaces, pictures, camera, offset, seed, pending=False)
+                self._evaluate(surfaces, pictures, camera, offset, sample, settings.seed)
         yield 0.5
         if surfaces.materials.has_transparency and surfaces.geometry.triangle_count:
-            yield from self._look_through(surfaces, pictures, camera, offset, seed)
+            yield from self._look_through(surfaces, pictures, camera, offset, sample, settings.seed)
         yield 1.0
 
     def _rasterize(self, geometry: Geometry, camera: CameraRays, offset: tuple[float, float]) -> None:
@@ -204,15 +203,15 @@ class SurfacePass:
         pictures: SurfacePictures,
         camera: CameraRays,
         offset: tuple[float, float],
+        sample: int,
         seed: int,
-        *,
-        pending: bool,
-        last: bool = False,
+        behind: int = 0,
     ) -> None:
+        """``behind``: how many partly transparent surfaces were looked through; the pixels that did are evaluated."""
         gpu, slot = self.gpu, interface.slot
         materials, material_pass = surfaces.materials, surfaces.material_pass
         assert self._bins is not None and self._pixels is not None
-        self._bin(surfaces, pictures, pending=pending)
+        self._bin(surfaces, pictures, pending=behind > 0)
         for index, batch in enumerate(materials.batches):
             family = materials.compiled.families[batch.family]
             kernel = gpu.kernel(
@@ -221,6 +220,8 @@ class SurfacePass:
                 | pictures.ray_defines
                 | {
                     "HAS_OPACITY": family.has_transparency,
+                    "HAS_GLASS": family.has_transmission,
+                    "HAS_COAT": family.has_coat,
                     "IS_LAYERED": materials.has_transparency,
                     "FLAT_SHADING": False,
                 },
@@ -231,9 +232,15 @@ class SurfacePass:
             self._bins.bind_to_storage_buffer(slot("BUF_SUMS"))
             surfaces.geometry.bind(kernel)
             material_pass.bind(batch, kernel)
-            kernel.set(batch=index, random_seed=seed, **camera.uniforms(offset))
+            kernel.set(
+                batch=index,
+                random_seed=(seed * 0x9E3779B1 + sample * MAX_LAYERS + behind) & 0xFFFFFFFF,
+                turn_seed=seed + behind,
+                sample_index=sample,
+                **camera.uniforms(offset),
+            )
             if family.has_transparency:
-                kernel.set(last_layer=last)
+                kernel.set(last_layer=behind == MAX_LAYERS - 1)
             kernel.run_indirect(self._bins, 20 * index)
             material_pass.unbind(batch)
         gpu.barrier()  # lighting reads the pictures as textures
@@ -263,15 +270,15 @@ class SurfacePass:
         pictures: SurfacePictures,
         camera: CameraRays,
         offset: tuple[float, float],
+        sample: int,
         seed: int,
     ) -> Iterator[float]:
-        for layer in range(1, MAX_LAYERS):
+        for behind in range(1, MAX_LAYERS):
             with self.gpu.timed("surface"):
                 if not self._advance(surfaces.voxels, pictures, camera, offset):
                     return
-                last = layer == MAX_LAYERS - 1
-                self._evaluate(surfaces, pictures, camera, offset, (seed + layer) & 0xFFFFFFFF, pending=True, last=last)
-            yield 0.5 + 0.5 * layer / MAX_LAYERS
+                self._evaluate(surfaces, pictures, camera, offset, sample, seed, behind)
+            yield 0.5 + 0.5 * behind / MAX_LAYERS
 
     def _advance(
         self, voxels: Voxels, pictures: SurfacePictures, camera: CameraRays, offset: tuple[float, float]

@@ -310,7 +310,7 @@ class VoxelizePass:
             counts.write(np.ascontiguousarray(records[:, 0]).tobytes())  # from here on: next list entry of each cell
         cell_texture = gpu.list_texture("cells", len(records), 4, "u4", records)
         triangles = gpu.list_texture("cell triangles", pairs, 1, "u4")
-        opacities = gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.has_transparency else None
+        opacities = gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.lets_light_through else None
         textures = Faces(
             faces,
             gpu.list_texture("faces", faces, 4, "u4"),

@@ -15,7 +15,7 @@ from addon.materials.expression import constant, leaf, operation
 from addon.materials.graph import AlphaMode, ImageData, ImageEncoding, ImageSet, MaterialData
 from addon.materials.nodes_color import BLEND, hsl_to_rgb, hsv_to_rgb, rgb_to_hsl, rgb_to_hsv
 from addon.materials.nodes_math import MATH, VECTOR_MATH
-from addon.materials.operations import specular_scale_bias
+from addon.materials.operations import dielectric_scale_bias
 from addon.materials.reader import VALUE_NODES
 from blender_tests.material_shader import compute_shader, material, node
 
@@ -116,7 +116,9 @@ def test_color_spaces(function: Any, run_expression: Any) -> None:
 
 @pytest.mark.parametrize("cosine", [0.1, 0.5, 1.0])
 def test_specular_split(cosine: float, run_expression: Any) -> None:
-    assert_close(run_expression(lambda p: operation("specular_split", constant(cosine), p.x)))
+    for ior in (0.0, 0.7, 1.5):
+        index = constant(ior)
+        assert_close(run_expression(lambda p, i=index: operation("specular_split", constant(cosine), p.x, i)))
 
 
 @pytest.mark.parametrize("interpolation", ["LINEAR", "CONSTANT"])
@@ -181,7 +183,7 @@ def test_white_principled_keeps_all_light(context: Any) -> None:
             node("P", "BsdfPrincipled", Base_Color=(1.0,) * 4, Roughness=roughness, IOR=1.5), surface="P.BSDF"
         )
         surface = evaluate(context, data)
-        scale, bias = specular_scale_bias(1.0, roughness)
+        scale, bias = dielectric_scale_bias(1.0, roughness, 1.5)
         total = surface["diffuse"] + surface["f0"] * scale + surface["f90"] * bias
         np.testing.assert_allclose(total, 1.0, atol=2e-3)
         assert surface["roughness"] == pytest.approx(roughness)

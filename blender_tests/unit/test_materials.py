@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from addon.materials.blackbody import blackbody_rgb
+from addon.materials.closure import Lobe
 from addon.materials.compile import CompiledMaterials, compile_materials, compile_world
 from addon.materials.expression import constant
 from addon.materials.graph import (
@@ -23,7 +24,7 @@ from addon.materials.graph import (
 from addon.materials.nodes_color import BLEND, hsl_to_rgb, hsv_to_rgb, rgb_to_hsl, rgb_to_hsv
 from addon.materials.nodes_math import MATH, VECTOR_MATH
 from addon.materials.operations import specular_scale_bias
-from addon.materials.shaders import mean_albedo, with_energy
+from addon.materials.shaders import mean_albedo, metal, with_energy
 from blender_tests.material_shader import check_glsl, compute_shader, material, node
 
 
@@ -181,7 +182,7 @@ def test_white_metal_reflects_all() -> None:
     """A lobe that absorbs nothing and keeps its energy reflects everything, however rough."""
     white = constant((1.0, 1.0, 1.0))
     for roughness in (0.2, 0.6, 1.0):
-        *_, albedo = with_energy(white, white, constant(roughness), constant(0.7), True)
+        _, albedo = with_energy(Lobe(white, white, roughness=constant(roughness)), constant(0.7), True)
         assert value_of(albedo) == pytest.approx([1.0, 1.0, 1.0], abs=1e-4)
 
 
@@ -339,8 +340,29 @@ def test_unknown_nodes_are_named_and_neutral() -> None:
 def test_missing_layers_of_principled_are_named_only_when_used() -> None:
     quiet = compiled(material(principled(Coat_Weight=0.0, Transmission_Weight=0.0), surface="P.BSDF"))
     assert not quiet.warnings
-    loud = compiled(material(principled(Coat_Weight=0.5), surface="P.BSDF"))
-    assert "coat" in loud.warnings[0]
+    loud = compiled(material(principled(Sheen_Weight=0.5), surface="P.BSDF"))
+    assert "sheen" in loud.warnings[0]
+
+
+def test_edge_tint_is_the_colour_at_82_degrees() -> None:
+    """F(1/7) = tint * Schlick(1/7); head on it does nothing."""
+    base, tint = constant((0.8, 0.5, 0.2)), constant((0.5, 0.8, 0.0))
+    for cosine, expected in ((1 / 7, (0.5, 0.8, 0.0)), (1.0, (1.0, 1.0, 1.0))):
+        lobe = metal(base, tint, constant(0.1), constant(cosine), False)
+        share = (1.0 - cosine) ** 5
+        found = (1.0 - share) * lobe.f0.value + share * lobe.f90.value
+        schlick = base.value + (1.0 - base.value) * share
+        np.testing.assert_allclose(found, schlick * expected, atol=1e-4)
+
+
+def test_features_of_glass_and_coat() -> None:
+    plain = compiled(material(principled(Roughness=0.4), surface="P.BSDF")).families[0]
+    assert plain.has_specular and not plain.has_transmission and not plain.has_coat
+    glass = compiled(material(principled(Transmission_Weight=1.0), surface="P.BSDF")).families[0]
+    assert glass.has_transmission and not glass.has_diffuse and not glass.has_transparency
+    coated = compiled(material(principled(Coat_Weight=0.5, Coat_Roughness=0.1), surface="P.BSDF"))
+    assert coated.families[0].has_coat and coated.families[0].has_diffuse
+    assert coated.materials[0].least_roughness == pytest.approx(0.1)
 
 
 def test_circles_end() -> None:

@@ -4,6 +4,9 @@
 #ifndef CLOSURE_GLSL
 #define CLOSURE_GLSL
 
+#include "lib/fresnel.glsl"
+#include "lib/reflection_normal.glsl"
+
 // (scale, bias): a GGX lobe of Fresnel reflectance mix(f0, f90, (1 - cos)^5), with the height-correlated Smith term
 // and one scattering, reflects f0 * scale + f90 * bias of a white hemisphere ("split sum": Karis 2013, "Real Shading in
 // Unreal Engine 4").
@@ -31,9 +34,19 @@ vec2 specular_scale_bias(float cosine, float roughness) {
     return vec2(max(sum - bias, 0.0), bias);
 }
 
+// The same for a lobe whose reflectance goes from f0 to f90 by an ior (fresnel_share).
+vec2 specular_scale_bias(float cosine, float roughness, float ior) {
+    vec2 split = specular_scale_bias(cosine, roughness);
+    if (ior <= 0.0) {
+        return split;
+    }
+    float share = fresnel_share(fresnel_cosine(cosine, roughness), ior);
+    return (split.x + split.y) * vec2(1.0 - share, share);
+}
+
 // Share of a white hemisphere that the GGX lobe reflects towards a viewer at `cosine` to the normal.
-vec3 specular_directional_albedo(vec3 f0, vec3 f90, float roughness, float cosine) {
-    vec2 ab = specular_scale_bias(cosine, roughness);
+vec3 specular_directional_albedo(vec3 f0, vec3 f90, float ior, float roughness, float cosine) {
+    vec2 ab = specular_scale_bias(cosine, roughness, ior);
     return f0 * ab.x + f90 * ab.y;
 }
 

@@ -57,10 +57,11 @@ EmitterSample sample_emitter(vec3 position, vec2 u, uint seed)
     return s;
 }
 
-// What a ray finds where it has met a triangle: its emission, weighed against points on emitters.
+// What a ray finds where it has met a triangle: its emission, and how much it weighs against points on emitters.
 // `ray_density`: rays like this for each steradian.
-vec3 emission_met(uint triangle, vec3 origin, vec3 direction, float distance, float ray_density)
+vec3 emission_met(uint triangle, vec3 origin, vec3 direction, float distance, float ray_density, out float weight)
 {
+    weight = 1.0;
     uint place = triangle - emitter_first_triangle;
     uint word = NONE_INDEX;
     if (place < emitter_span) {
@@ -81,5 +82,6 @@ vec3 emission_met(uint triangle, vec3 origin, vec3 direction, float distance, fl
     vec3 area = cross(e.edge_1, e.edge_2);
     float cosine = -dot(area, direction) / max(length(area), 1e-30);
     float density = e.density * distance * distance / max(abs(cosine), 1e-6);
-    return (cosine > 0.0 ? e.front : e.back) * mis_weight(ray_density, emitter_samples * density);
+    weight = mis_weight(ray_density, emitter_samples * density);
+    return cosine > 0.0 ? e.front : e.back;
 }

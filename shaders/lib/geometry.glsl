@@ -158,8 +158,15 @@ Surface surface_at(Triangle t, ShadingPoint p)
     s.emission = max(finite_or_zero(s.emission), 0.0);
     s.transparency = clamp(finite_or_zero(s.transparency), 0.0, 1.0);
     s.roughness = isnan(s.roughness) ? 1.0 : clamp(s.roughness, 0.0, 1.0);
+    s.glass_f0 = max(finite_or_zero(s.glass_f0), 0.0);
+    s.glass_f90 = max(finite_or_zero(s.glass_f90), 0.0);
+    s.glass_transmission = max(finite_or_zero(s.glass_transmission), 0.0);
+    s.coat = max(finite_or_zero(vec3(s.coat)).x, 0.0);
     if (!is_finite(s.normal_ws) || dot(s.normal_ws, s.normal_ws) < 0.25) {
         s.normal_ws = p.normal_ws;
+    }
+    if (!is_finite(s.coat_normal_ws) || dot(s.coat_normal_ws, s.coat_normal_ws) < 0.25) {
+        s.coat_normal_ws = s.normal_ws;
     }
     return s;
 }

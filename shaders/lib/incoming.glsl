@@ -22,6 +22,7 @@ struct Incoming {
     vec3 bounced;    // off a surface, W/(m2 sr)
     vec3 emitted;    // straight from the world or an emitter
     float distance;  // of the surface, cells; max_distance when none was met
+    float emission_weight;  // of the surface's own emission, which `emitted` has
 };
 
 vec3 world_or_black(vec3 direction)
@@ -40,7 +41,7 @@ const float ONLY_RAYS = 1e30;
 // caller sends for each steradian there, which weighs the emission they meet against points drawn on emitters; or ONLY_RAYS.
 Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, float density, uint seed)
 {
-    Incoming found = Incoming(vec3(0.0), vec3(0.0), hit.distance);
+    Incoming found = Incoming(vec3(0.0), vec3(0.0), hit.distance, 0.0);
     if (hit.triangle == NONE_INDEX) {
         found.emitted = limited(world_or_black(direction));
     }
@@ -48,7 +49,9 @@ Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, float density, uint
     else {
         found.bounced = limited(face_radiance(face_at_hit(origin + direction * hit.distance, hit, hash(seed, 0x2545F4u))));
 #if HAS_EMITTERS
-        found.emitted = emission_amount * emission_met(hit.triangle, origin, direction, hit.distance, density);
+        vec3 emission = emission_met(hit.triangle, origin, direction, hit.distance, density, found.emission_weight);
+        found.emission_weight *= emission_amount;
+        found.emitted = emission * found.emission_weight;
 #endif
     }
 #endif

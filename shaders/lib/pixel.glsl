@@ -18,7 +18,11 @@ struct Pixel {
     vec3 diffuse;
     vec3 f0;
     vec3 f90;
+    float ior;              // see fresnel_share in lib/fresnel.glsl; of glass: of the far side over the near one
     float alpha;            // GGX: roughness^2
+    bool is_glass;          // light that is not reflected goes through ...
+    vec3 transmission;      // ... with this factor
+    bool is_inside;         // of glass
 };
 
 Pixel fetch_pixel(ivec2 at)
@@ -31,9 +35,14 @@ Pixel fetch_pixel(ivec2 at)
     p.position = position.xyz;
     p.normal = octahedral_decode(normals.xy);
     p.geometric_normal = octahedral_decode(normals.zw);
-    p.diffuse = diffuse.rgb;
+    vec4 f90 = texelFetch(f90_tex, at, 0);
+    p.is_glass = f90.w < 0.0;
+    p.ior = abs(f90.w);
+    p.is_inside = p.is_glass && p.ior < 1.0;
+    p.transmission = p.is_glass ? diffuse.rgb : vec3(0.0);
+    p.diffuse = p.is_glass ? vec3(0.0) : diffuse.rgb;
     p.f0 = texelFetch(f0_tex, at, 0).rgb;
-    p.f90 = texelFetch(f90_tex, at, 0).rgb;
+    p.f90 = f90.rgb;
     p.alpha = max(diffuse.a * diffuse.a, 1e-4);
     return p;
 }

@@ -36,12 +36,23 @@ struct ShadingPoint {
 #endif
 };
 
-// A sum of lobes around one normal. Reflectances are weights: they already hold base colour, mix factors and layering.
+// A sum of lobes around one normal; a coat may have its own. Reflectances are weights: they already hold base colour, mix factors and layering.
 struct Surface {
     vec3 diffuse;       // Lambertian reflectance
     vec3 specular_f0;   // GGX reflectance at normal incidence
-    vec3 specular_f90;  // and at grazing incidence: F = mix(f0, f90, (1 - cos)^5)
+    vec3 specular_f90;  // and at grazing incidence
+    float specular_ior; // how it goes from one to the other: see fresnel_share in lib/fresnel.glsl
     float roughness;    // of the GGX lobe as artists see it: alpha = roughness^2
+    vec3 glass_f0;      // a second lobe, of a dielectric that light enters or leaves
+    vec3 glass_f90;
+    vec3 glass_transmission;  // factor on what it does not reflect
+    float glass_ior;    // of the far side over the near one
+    float glass_roughness;
+    float coat;         // a third lobe, above the others, grey: factor on the reflectance of its ior
+    float coat_ior;
+    float coat_roughness;
+    bool coat_bends;    // the coat has a normal of its own
+    vec3 coat_normal_ws;
     vec3 emission;      // radiance, W/(m2 sr)
     vec3 transparency;  // what passes straight through: 1 - opacity
     vec3 normal_ws;     // unit shading normal

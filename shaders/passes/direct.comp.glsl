@@ -70,7 +70,7 @@ void add_emitters(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed
         if ((s.flags & RAY_GLOSSY) != 0u) {
             float other = ggx_density(glossy_normal, view, s.direction, alpha);
             float weight = mis_weight(density, in_reach ? reflected_rays * other : 0.0);
-            on_glossy = s.radiance * ggx_reflection(glossy_normal, view, s.direction, alpha, p.f0, p.f90) *
+            on_glossy = s.radiance * ggx_reflection(glossy_normal, view, s.direction, alpha, p.f0, p.f90, p.ior) *
                         (weight / density);
         }
 #endif
@@ -124,10 +124,11 @@ void main()
             vec3 on_glossy = vec3(0.0);
 #if HAS_GLOSSY
             // Rays of pass `reflect` look for the light too.
-            if ((light.flags & RAY_GLOSSY) != 0u) {
+            if ((light.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
                 float rays = ggx_density(glossy_normal, -direction, s.direction, max(p.alpha * specular_aperture, 1e-4));
                 float points = light_density(light, origin, s.direction, s.distance);
-                on_glossy = s.irradiance * ggx_reflection(glossy_normal, -direction, s.direction, p.alpha, p.f0, p.f90) *
+                on_glossy = s.irradiance * ggx_reflection(glossy_normal, -direction, s.direction, p.alpha, p.f0, p.f90,
+                                                          p.ior) *
                             mis_weight(points, rays);
             }
 #endif

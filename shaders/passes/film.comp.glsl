@@ -17,6 +17,7 @@ uniform ivec2 picture_size;
 uniform int reach;                     // pixels to each side
 uniform float weights_x[FILTER_TAPS];  // of the pixels from -reach to reach
 uniform float weights_y[FILTER_TAPS];
+uniform float pass_weight;             // sum of all weights
 
 void main()
 {
@@ -35,7 +36,7 @@ void main()
             weights += weight;
         }
     }
-    sum /= weights;
+    sum *= pass_weight / weights;  // beyond the border and in tiles that are done there is nothing to take
     imageStore(sum_img, at, imageLoad(sum_img, at) + sum);
 #if KEEPS_HALF
     imageStore(half_img, at, imageLoad(half_img, at) + sum);

@@ -13,7 +13,7 @@ layout(binding = IMG_1, rgba32f) readonly uniform image2D half_img;
 layout(binding = IMG_2, r32f) writeonly uniform image2D noise_img;
 
 uniform ivec2 picture_size;
-uniform int passes;       // an even number: the tiles that are still active have all had so many
+uniform vec2 weights;      // of all passes, and of every other one; the tiles that are still active have had them all
 uniform ivec2 tile_count;
 
 void main()
@@ -28,8 +28,8 @@ void main()
     float brightness = 0.0;
     for (int y = first.y; y < end.y; ++y) {
         for (int x = first.x; x < end.x; ++x) {
-            vec3 all = imageLoad(sum_img, ivec2(x, y)).rgb / float(passes);
-            vec3 half_of_them = imageLoad(half_img, ivec2(x, y)).rgb * (2.0 / float(passes));
+            vec3 all = imageLoad(sum_img, ivec2(x, y)).rgb / weights.x;
+            vec3 half_of_them = imageLoad(half_img, ivec2(x, y)).rgb / weights.y;
             float difference = dot(abs(all - half_of_them), vec3(1.0));
             squares += difference * difference;
             brightness += dot(all, vec3(1.0));

@@ -5,9 +5,10 @@
 // - Weights follow the error bound of irradiance caching: light is shared widely in the open, and hardly where surfaces
 //   are near. Ward et al. 1988, "A Ray Tracing Solution for Diffuse Interreflection".
 // - Pixels on opposite sides get the same weight, the smaller one, so that gradients stay what they are up to edges.
-// GLOSSY: reflections. Light is shared as radiance that arrives within the lobe: what the surface reflects is taken out
-// before (STEP 0, which shares nothing) and put back after the last level (STEP 2). The narrower the lobe, the less may
-// directions differ: between them, w is divided by its width.
+// STEP 0 shares nothing but w, without regard to edges: weights that follow what a pixel's own rays have met would favour
+// what is far, and with it bright or dark light.    STEP 1: a level.    STEP 2: the last one.
+// GLOSSY: reflections. Light is shared as radiance that arrives within the lobe: what the surface reflects is taken out in
+// STEP 0 and put back in STEP 2. The narrower the lobe, the less may directions differ: w is divided by its width.
 // Input: surface pictures, gathered_tex (w: mean of 1 / distance to surfaces, 1/cells).    Output: gathered_out, the same.
 
 #include "lib/pixel.glsl"
@@ -33,16 +34,17 @@ vec3 specular_color(ivec2 at)
     Pixel p = fetch_pixel(at);
     vec3 origin, direction;
     camera_ray(at, origin, direction);
-    return max(specular_directional_albedo(p.f0, p.f90, sqrt(p.alpha), abs(dot(direction, p.normal))), 1e-3);
+    float cosine = abs(dot(direction, p.normal));
+    return p.is_glass ? vec3(1.0) : max(specular_directional_albedo(p.f0, p.f90, p.ior, sqrt(p.alpha), cosine), 1e-3);
 }
 #endif
 
-// Tangent of half the angle that holds about half of the lobe.
+// Tangent of half the angle that holds about half of the lobe. What is seen through glass is not shared.
 float lobe_width(ivec2 at)
 {
 #if GLOSSY
-    float roughness = texelFetch(diffuse_tex, at, 0).w;
-    return max(2.0 * roughness * roughness, 1e-4);
+    Pixel p = fetch_pixel(at);
+    return p.is_glass ? 1e-4 : max(2.0 * p.alpha, 1e-4);
 #else
     return 1.0;
 #endif
@@ -54,9 +56,19 @@ void main()
     if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
-#if GLOSSY && STEP == 0
+#if STEP == 0
     vec4 light = texelFetch(gathered_tex, at, 0);
-    imageStore(gathered_out, at, vec4(light.rgb, light.w) / vec4(specular_color(at), lobe_width(at)));
+    vec2 nearness = vec2(0.0);
+    for (int k = 0; k < 25; ++k) {
+        ivec2 there = clamp(at + 2 * ivec2(k % 5 - 2, k / 5 - 2), ivec2(0), picture_size - 1);
+        bool usable = texelFetch(position_tex, there, 0).w == 1.0;
+        nearness += usable ? vec2(texelFetch(gathered_tex, there, 0).w, 1.0) : vec2(0.0);
+    }
+    light.w = nearness.x / max(nearness.y, 1.0);
+#if GLOSSY
+    light /= vec4(specular_color(at), lobe_width(at));
+#endif
+    imageStore(gathered_out, at, light);
 #else
     vec4 position = texelFetch(position_tex, at, 0);
     vec4 normals = 2.0 * texelFetch(normal_tex, at, 0) - 1.0;

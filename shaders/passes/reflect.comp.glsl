@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Reflections at each pixel of a layer: what one ray, drawn from the GGX lobe's visible normals, meets: surfaces, lights,
-// the world. A surface that is met is looked up in the voxels where the ray stands for an area
-// at least as large as they are; nearer, it is followed: it is left to the next layer, which shades it for itself.
+// Reflections at each pixel of a layer, and what is seen through glass: what one ray, drawn from the GGX lobe's visible
+// normals, meets: surfaces, lights, the world. A surface that is met is looked up in the voxels where the ray stands for
+// an area at least as large as they are; nearer, it is followed: it is left to the next layer, which shades it for itself.
 // FIRST_LAYER: what the camera sees.    HAS_LAYERS: there may be a next one.
 // Input: surface pictures and rays of the layer, faces' radiance, triangles of cells, lights, emitters.
 // Output: radiance_img: reflected radiance, added up over layers; w: 1 / distance of what the first met, 1/cells.
 // KEEPS_EMITTED: emitted_out: what of it comes straight from lights, emitters or the world. HAS_LAYERS: rays_img, seen_img,
-// throughput_img of the next layer, which has no surfaces yet.
+// throughput_img, emission_weight_img of the next layer, which has no surfaces yet.
 
 #include "lib/incoming.glsl"
 #include "lib/sampling.glsl"
@@ -31,6 +31,9 @@ layout(binding = IMG_3, rgba32f) writeonly uniform image2D position_img;
 layout(binding = IMG_4, rgba32f) uniform image2D throughput_img;
 #if FIRST_LAYER
 layout(binding = IMG_5, rgba32f) writeonly uniform image2D rays_img;
+#endif
+#if HAS_EMITTERS
+layout(binding = IMG_6, r32f) writeonly uniform image2D emission_weight_img;  // of the surfaces of the next layer
 #endif
 layout(std430, binding = BUF_COUNTS) buffer Counters { uint followed; };
 
@@ -73,8 +76,14 @@ void main()
     lobe_width = before.w;
 #endif
     uint seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
-    if (p.is_surface && max_component(p.f0 + p.f90) > 0.0) {
-        vec3 origin = p.position + p.geometric_normal * RAY_START;
+    bool is_shiny = p.is_surface && max_component(p.f0 + p.f90 + p.transmission) > 0.0;
+#if !FIRST_LAYER
+    // Russian roulette: what would bring little goes on for its share, and in return stronger.
+    float survival = min(4.0 * max_component(throughput), 1.0);
+    is_shiny = is_shiny && unit_float(hash(seed, 7u + sample_index)) < survival;
+    throughput /= max(survival, 1e-6);
+#endif
+    if (is_shiny) {
         Ray ray = pixel_ray(at);
         vec3 view = -ray.direction;
         float alpha = max(p.alpha * specular_aperture, 1e-4);
@@ -84,38 +93,64 @@ void main()
         vec3 view_t = vec3(dot(view, t), dot(view, b), max(dot(view, normal), 1e-3));
         vec3 h = sample_visible_normal(normalize(view_t), alpha, sample_2d(sample_index, hash(seed, 2u)));
         vec3 half_vector = t * h.x + b * h.y + normal * h.z;
+        float facet_cosine = max(dot(view, half_vector), 0.0);
         vec3 direction = reflect(-view, half_vector);
-        float n_l = dot(direction, normal);
-        if (n_l > 0.0 && dot(direction, p.geometric_normal) > 0.0) {
-            float n_v = view_t.z;
-            throughput *= fresnel(p.f0, p.f90, max(dot(view, half_vector), 0.0)) *
-                          (ggx_masking(n_l, n_v, alpha) / ggx_masking_view(n_v, alpha));
+        vec3 weight = fresnel(p.f0, p.f90, p.ior, facet_cosine);
+        bool passes = false;
+#if HAS_TRANSMISSION
+        if (p.is_glass) {
+            vec3 passed = p.transmission * (1.0 - dielectric_reflectance(facet_cosine, p.ior));
+            float share = luminance(weight) / max(luminance(weight + passed), 1e-20);
+            // Multiples of sqrt(2), for passes to share evenly.
+            passes = unit_float(hash(seed, 9u) + sample_index * 1779033703u) >= share;
+            weight = passes ? passed / max(1.0 - share, 1e-6) : weight / max(share, 1e-6);
+            direction = passes ? refract(-view, half_vector, 1.0 / p.ior) : direction;
+        }
+#endif
+        vec3 side = passes ? -p.geometric_normal : p.geometric_normal;
+        bool leaves = dot(direction, side) > 0.0 && (passes || dot(direction, normal) > 0.0);
+        if (p.is_glass) {
+            // Nothing is lost between the facets of glass: what would hide behind them is not held back, and what would
+            // not come out is mirrored out.
+            direction = dot(direction, side) > 0.0 ? direction : reflect(direction, side);
+            leaves = true;
+        } else {
+            float n_l = max(dot(direction, normal), 0.0);
+            weight *= ggx_masking(n_l, view_t.z, alpha) / ggx_masking_view(view_t.z, alpha);
+        }
+        if (leaves && max_component(weight) > 0.0) {
+            throughput *= weight;
+            vec3 origin = p.position + side * RAY_START;
+            uint ray_mask = passes ? RAY_TRANSMISSION : RAY_GLOSSY;
             float reach = 0.0;
 #if HAS_LAYERS
             float pixel_spread = pixel_footprint(1.0, direction) - pixel_footprint(0.0, direction);
             float length = distance(p.position, ray.origin);
             lobe_width += (ray.spread - pixel_spread) * length;
             Ray next = Ray(origin, direction, ray.width + ray.spread * length, ray.spread + SPREAD_OF_ALPHA * alpha);
-            reach = last_layer ? 0.0 : sharp_distance(lobe_width, next.spread - pixel_spread);
+            // Voxels do not know what is inside of glass.
+            bool is_inside = p.is_glass && (passes ? p.ior > 1.0 : p.is_inside);
+            reach = is_inside ? 1e30 : sharp_distance(lobe_width, next.spread - pixel_spread);
+            reach = last_layer ? 0.0 : reach;
 #if HAS_OPACITY
             solid_distance = reach;
 #endif
 #endif
-            Hit hit = trace(origin, direction, max_distance, RAY_GLOSSY, GATHER_OCCLUSION != 0, hash(seed, 3u + sample_index));
-            float density = ggx_density(normal, view, direction, alpha);
+            Hit hit = trace(origin, direction, max_distance, ray_mask, GATHER_OCCLUSION != 0, hash(seed, 3u + sample_index));
+            // Pass `direct` draws points on lights and emitters too, for what is reflected outside of glass.
+            bool only_rays = passes || p.is_inside;
+            float density = only_rays ? ONLY_RAYS : ggx_density(normal, view, direction, alpha);
             Incoming found = incoming_from(hit, origin, direction, density, hash(seed, 5u + sample_index));
 #if HAS_LIGHTS
             for (uint k = 0u; k < light_count; ++k) {
                 float light_distance;
                 Light light = fetch_light(lights_tex, k);
-                if ((light.flags & RAY_GLOSSY) != 0u) {
+                if ((light.flags & ray_mask) != 0u) {
                     vec3 shown = light_along_ray(light, origin, direction, light_distance);
                     bool free = light_distance < found.distance || (light_distance > 1e29 && found.distance > 1e29);
                     if (max_component(shown) > 0.0 && free) {
-                        // Pass `direct` draws points on lights too.
                         float points = light_points * light_density(light, origin, direction, light_distance);
-                        float weight = mis_weight(ggx_density(normal, view, direction, alpha), points);
-                        found = Incoming(vec3(0.0), limited(shown * weight), light_distance);
+                        found = Incoming(vec3(0.0), limited(shown * mis_weight(density, points)), light_distance, 0.0);
                         hit.triangle = NONE_INDEX;
                     }
                 }
@@ -124,6 +159,10 @@ void main()
 #if HAS_LAYERS
             if (hit.triangle != NONE_INDEX && hit.distance < reach) {
                 found.bounced = vec3(0.0);
+#if HAS_EMITTERS
+                found.emitted = vec3(0.0);  // the material knows better
+                imageStore(emission_weight_img, at, vec4(found.emission_weight));
+#endif
                 seen = hit.triangle + 1u;
                 imageStore(rays_img, ivec2(2 * at.x, at.y), vec4(next.origin, next.width));
                 imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(next.direction, next.spread));

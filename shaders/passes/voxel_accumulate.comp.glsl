@@ -53,9 +53,16 @@ void main()
     intersect_plane(triangle, cell + inside + normal, -normal, barycentric, distance);
     barycentric = max(barycentric, 0.0);
     barycentric /= max(1.0, barycentric.x + barycentric.y);
-    ShadingPoint point = shading_point(triangle, barycentric, normal, sqrt(area));
+    // As seen from 60 degrees, which is about what surfaces reflect on average over the hemisphere.
+    vec3 tangent, bitangent;
+    basis(normal, tangent, bitangent);
+    ShadingPoint point = shading_point(triangle, barycentric, 0.5 * normal + sqrt(0.75) * tangent, sqrt(area));
     Surface surface = surface_at(triangle, point);
-    float opacity = 1.0 - clamp(luminance(surface.transparency), 0.0, 1.0);
+    // Light goes straight through glass here, losing what is reflected on average.
+    vec3 glass = specular_directional_albedo(surface.glass_f0, surface.glass_f90, surface.glass_ior,
+                                             surface.glass_roughness, 0.5);
+    vec3 passed = surface.transparency + surface.glass_transmission * (1.0 - glass);
+    float opacity = 1.0 - clamp(luminance(passed), 0.0, 1.0);
 
     uint slot = atomicAdd(cursors[index], 1u);
     imageStore(cell_triangle_img, list_texel(slot), uvec4(pair.x));
@@ -65,9 +72,10 @@ void main()
 #endif
 
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
-    // As a Lambertian: the specular part by what it reflects at 60 degrees, about its mean over the hemisphere.
-    vec3 reflectance = surface.diffuse + specular_directional_albedo(surface.specular_f0, surface.specular_f90,
-                                                                     surface.roughness, 0.5);
+    // As a Lambertian.
+    vec3 reflectance = surface.diffuse + glass + specular_directional_albedo(surface.specular_f0, surface.specular_f90,
+                                                                             surface.specular_ior, surface.roughness, 0.5);
+    reflectance += surface.coat * dielectric_reflectance(0.5, surface.coat_ior);
     reflectance = min(reflectance / max(opacity, 1e-3), 1.0);
     // The cell has faces on this axis, unless two axes are equally near and were told apart otherwise there.
     int axis = dominant_axis(normal);

@@ -32,8 +32,8 @@ void main()
     float phi = 2.0 * PI * given.w;
     float s = sqrt(max(0.0, 1.0 - given.z * given.z));
     vec3 uniform_direction = vec3(s * cos(phi), s * sin(phi), given.z);
-    float value = ggx_reflection(n, view, uniform_direction, alpha, vec3(1.0), vec3(1.0)).x * 2.0 * PI;
-    float albedo = specular_directional_albedo(vec3(1.0), vec3(1.0), given.y, given.x).x;
+    float value = ggx_reflection(n, view, uniform_direction, alpha, vec3(1.0), vec3(1.0), 0.0).x * 2.0 * PI;
+    float albedo = specular_directional_albedo(vec3(1.0), vec3(1.0), 0.0, given.y, given.x).x;
     float density = ggx_density(n, view, uniform_direction, alpha) * 2.0 * PI;
     results[2u * index + 1u] = vec4(value, albedo, density, 0.0);
 }
