@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Reflections at each pixel of a layer: what one ray, drawn from the GGX lobe's visible normals, meets: surfaces, lights,
-// the world. A surface that is met is looked up in the voxels where the ray stands for an area
+// emitters, the world. A surface that is met is looked up in the voxels where the ray stands for an area
 // at least as large as they are; nearer, it is followed: it is left to the next layer, which shades it for itself.
 // FIRST_LAYER: what the camera sees.    HAS_LAYERS: there may be a next one.
 // Input: surface pictures and rays of the layer, faces' radiance, triangles of cells, lights, emitters.
 // Output: radiance_img: reflected radiance, added up over layers; w: 1 / distance of what the first met, 1/cells.
 // KEEPS_EMITTED: emitted_out: what of it comes straight from lights, emitters or the world. HAS_LAYERS: rays_img, seen_img,
-// throughput_img of the next layer, which has no surfaces yet.
+// throughput_img, density_img of the next layer, which has no surfaces yet.
 
 #include "lib/incoming.glsl"
 #include "lib/sampling.glsl"
@@ -31,6 +31,9 @@ layout(binding = IMG_3, rgba32f) writeonly uniform image2D position_img;
 layout(binding = IMG_4, rgba32f) uniform image2D throughput_img;
 #if FIRST_LAYER
 layout(binding = IMG_5, rgba32f) writeonly uniform image2D rays_img;
+#endif
+#if HAS_EMITTERS
+layout(binding = IMG_6, r32f) writeonly uniform image2D density_img;  // rays for each steradian where followed ones went
 #endif
 layout(std430, binding = BUF_COUNTS) buffer Counters { uint followed; };
 
@@ -101,8 +104,8 @@ void main()
             solid_distance = reach;
 #endif
 #endif
-            Hit hit = trace(origin, direction, max_distance, RAY_GLOSSY, GATHER_OCCLUSION != 0, hash(seed, 3u + sample_index));
             float density = ggx_density(normal, view, direction, alpha);
+            Hit hit = trace(origin, direction, max_distance, RAY_GLOSSY, GATHER_OCCLUSION != 0, hash(seed, 3u + sample_index));
             Incoming found = incoming_from(hit, origin, direction, density, hash(seed, 5u + sample_index));
 #if HAS_LIGHTS
             for (uint k = 0u; k < light_count; ++k) {
@@ -114,7 +117,7 @@ void main()
                     if (max_component(shown) > 0.0 && free) {
                         // Pass `direct` draws points on lights too.
                         float points = light_points * light_density(light, origin, direction, light_distance);
-                        float weight = mis_weight(ggx_density(normal, view, direction, alpha), points);
+                        float weight = mis_weight(density, points);
                         found = Incoming(vec3(0.0), limited(shown * weight), light_distance);
                         hit.triangle = NONE_INDEX;
                     }
@@ -123,10 +126,13 @@ void main()
 #endif
 #if HAS_LAYERS
             if (hit.triangle != NONE_INDEX && hit.distance < reach) {
-                found.bounced = vec3(0.0);
+                found.bounced = found.emitted = vec3(0.0);
                 seen = hit.triangle + 1u;
                 imageStore(rays_img, ivec2(2 * at.x, at.y), vec4(next.origin, next.width));
                 imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(next.direction, next.spread));
+#if HAS_EMITTERS
+                imageStore(density_img, at, vec4(density));
+#endif
                 atomicAdd(followed, 1u);
             }
 #endif
