@@ -86,9 +86,9 @@ TEXTURE_ALIASES = {
     "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
     "TEX_CELL_POSITIONS": "TEX_CELL_OPACITIES",  # r32ui list: x | y << 11 | z << 22
     # Composition reads no grid: what it composes has the grid's units.
-    "TEX_DIRECT_DIFFUSE": "TEX_TRIANGLES",
+    "TEX_DIRECT_DIFFUSE": "TEX_FACE_RADIANCE",
     "TEX_DIRECT_GLOSSY": "TEX_BRICKS",
-    "TEX_GATHERED": "TEX_INSTANCES",
+    "TEX_GATHERED": "TEX_CELL_OPACITIES",
     "TEX_GATHERED_EMITTED": "TEX_CELLS",
     "TEX_REFLECTED": "TEX_CORNERS",
     "TEX_REFLECTED_EMITTED": "TEX_CELL_TRIANGLES",

@@ -95,6 +95,28 @@ def test_a_mirror_shows_what_is_behind_partly_transparent_surfaces(gpu: GpuConte
     assert np.median(np.abs(mirrored - seen)) < 0.05
 
 
+def glowing_picture(opacity: float) -> MaterialData:
+    """As ``textured``, but emitting."""
+    made = textured(opacity)
+    assert made.graph is not None
+    nodes = dict(made.graph.nodes)
+    nodes["P"] = node("P", "Emission", Color="I.Color", Strength=1.0)
+    return dataclasses.replace(made, graph=dataclasses.replace(made.graph, nodes=nodes))
+
+
+def test_a_mirror_shows_a_glowing_picture_as_the_eye_sees_it(gpu: GpuContext) -> None:
+    """Pixel by pixel where it is solid, on average where half of it is there: points drawn on it, rays that meet it and
+    the surfaces that are shaded share its light without loss."""
+    settings = scenes.settings(12, **STRAIGHT)
+    for opacity, side, samples in ((1.0, 48, 1), (0.4, 24, 64)):
+        wall = glowing_picture(opacity)
+        seen = picture(gpu, wall_and_mirror(wall, in_mirror=False), settings, (side, side), samples)
+        mirrored = picture(gpu, wall_and_mirror(wall, in_mirror=True), settings, (side, side), samples)[:, ::-1]
+        np.testing.assert_allclose(mirrored.mean(axis=(0, 1)), seen.mean(axis=(0, 1)), rtol=0.02)
+        if opacity == 1.0:
+            assert np.isclose(mirrored, seen, rtol=2e-3, atol=1e-4).all(axis=-1).mean() > 0.99
+
+
 def test_mirrors_that_face_each_other(gpu: GpuContext) -> None:
     """Two mirrors of reflectance 1/2 side by side with the eye between them: the n-th image of the glow is 1/2^n."""
     facing = scenes.plane(20.0)

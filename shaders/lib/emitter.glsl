@@ -6,8 +6,8 @@
 //
 // The including program sets emitter_samples: points that are drawn on emitters where rays look for them too (0: none).
 
-#include "lib/triangle.glsl"
 #include "lib/sampling.glsl"
+#include "lib/triangle.glsl"
 #include "lib/emitter_part.glsl"
 
 layout(binding = TEX_EMITTERS) uniform usampler2D emitters_tex;
@@ -57,18 +57,21 @@ EmitterSample sample_emitter(vec3 position, vec2 u, uint seed)
     return s;
 }
 
-// What a ray finds where it has met a triangle: its emission, and how much it weighs against points on emitters.
-// `ray_density`: rays like this for each steradian.
-vec3 emission_met(uint triangle, vec3 origin, vec3 direction, float distance, float ray_density, out float weight)
+struct Emitted {
+    vec3 radiance;  // W/(m2 sr); of parts as large as a cell where it varies
+    float weight;   // of this way to find it, against points on emitters
+};
+
+// What a ray finds where it has met a triangle. `ray_density`: rays like this for each steradian.
+Emitted emission_met(uint triangle, vec3 origin, vec3 direction, float distance, float ray_density)
 {
-    weight = 1.0;
     uint place = triangle - emitter_first_triangle;
     uint word = NONE_INDEX;
     if (place < emitter_span) {
         word = texelFetch(emitter_lookup_tex, list_texel(place), 0).r;
     }
     if (word == NONE_INDEX) {
-        return vec3(0.0);
+        return Emitted(vec3(0.0), 1.0);
     }
     uint n = (word & 63u) + 1u;
     uint index = word >> 6;
@@ -82,6 +85,5 @@ vec3 emission_met(uint triangle, vec3 origin, vec3 direction, float distance, fl
     vec3 area = cross(e.edge_1, e.edge_2);
     float cosine = -dot(area, direction) / max(length(area), 1e-30);
     float density = e.density * distance * distance / max(abs(cosine), 1e-6);
-    weight = mis_weight(ray_density, emitter_samples * density);
-    return cosine > 0.0 ? e.front : e.back;
+    return Emitted(cosine > 0.0 ? e.front : e.back, mis_weight(ray_density, emitter_samples * density));
 }

@@ -22,7 +22,6 @@ struct Incoming {
     vec3 bounced;    // off a surface, W/(m2 sr)
     vec3 emitted;    // straight from the world or an emitter
     float distance;  // of the surface, cells; max_distance when none was met
-    float emission_weight;  // of the surface's own emission, which `emitted` has
 };
 
 vec3 world_or_black(vec3 direction)
@@ -34,14 +33,11 @@ vec3 world_or_black(vec3 direction)
 #endif
 }
 
-// Rays that alone can find an emitter: no points were drawn on emitters from where they start.
-const float ONLY_RAYS = 1e30;
-
-// What the ray that has met `hit`, or nothing, brings. GATHER_OCCLUSION: surfaces pass nothing on. `density`: rays that the
-// caller sends for each steradian there, which weighs the emission they meet against points drawn on emitters; or ONLY_RAYS.
+// What the ray that has met `hit`, or nothing, brings. GATHER_OCCLUSION: surfaces pass nothing on. `density`: rays that
+// the caller sends for each steradian there, which weighs the emission they meet against points drawn on emitters.
 Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, float density, uint seed)
 {
-    Incoming found = Incoming(vec3(0.0), vec3(0.0), hit.distance, 0.0);
+    Incoming found = Incoming(vec3(0.0), vec3(0.0), hit.distance);
     if (hit.triangle == NONE_INDEX) {
         found.emitted = limited(world_or_black(direction));
     }
@@ -49,9 +45,8 @@ Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, float density, uint
     else {
         found.bounced = limited(face_radiance(face_at_hit(origin + direction * hit.distance, hit, hash(seed, 0x2545F4u))));
 #if HAS_EMITTERS
-        vec3 emission = emission_met(hit.triangle, origin, direction, hit.distance, density, found.emission_weight);
-        found.emission_weight *= emission_amount;
-        found.emitted = emission * found.emission_weight;
+        Emitted emission = emission_met(hit.triangle, origin, direction, hit.distance, density);
+        found.emitted = emission_amount * emission.weight * emission.radiance;
 #endif
     }
 #endif

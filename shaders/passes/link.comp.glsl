@@ -45,9 +45,8 @@ void main()
             link = face_at_hit(site.origin + direction * hit.distance, hit, hash(seed + k, 0x9E3779u));
 #if HAS_EMITTERS
             float density = float(link_count) * dot(direction, site.normal) / PI;
-            float weight;
-            vec3 emission = emission_met(hit.triangle, site.origin, direction, hit.distance, density, weight);
-            straight += emission * weight;
+            Emitted emission = emission_met(hit.triangle, site.origin, direction, hit.distance, density);
+            straight += emission.weight * emission.radiance;
 #endif
         }
 #if HAS_WORLD

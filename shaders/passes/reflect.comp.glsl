@@ -6,7 +6,7 @@
 // Input: surface pictures and rays of the layer, faces' radiance, triangles of cells, lights, emitters.
 // Output: radiance_img: reflected radiance, added up over layers; w: 1 / distance of what the first met, 1/cells.
 // KEEPS_EMITTED: emitted_out: what of it comes straight from lights, emitters or the world. HAS_LAYERS: rays_img, seen_img,
-// throughput_img, emission_weight_img of the next layer, which has no surfaces yet.
+// throughput_img, density_img of the next layer, which has no surfaces yet.
 
 #include "lib/incoming.glsl"
 #include "lib/sampling.glsl"
@@ -33,7 +33,7 @@ layout(binding = IMG_4, rgba32f) uniform image2D throughput_img;
 layout(binding = IMG_5, rgba32f) writeonly uniform image2D rays_img;
 #endif
 #if HAS_EMITTERS
-layout(binding = IMG_6, r32f) writeonly uniform image2D emission_weight_img;  // of the surfaces of the next layer
+layout(binding = IMG_6, r32f) writeonly uniform image2D density_img;  // rays for each steradian where followed ones went
 #endif
 layout(std430, binding = BUF_COUNTS) buffer Counters { uint followed; };
 
@@ -139,7 +139,7 @@ void main()
             Hit hit = trace(origin, direction, max_distance, ray_mask, GATHER_OCCLUSION != 0, hash(seed, 3u + sample_index));
             // Pass `direct` draws points on lights and emitters too, for what is reflected outside of glass.
             bool only_rays = passes || p.is_inside;
-            float density = only_rays ? ONLY_RAYS : ggx_density(normal, view, direction, alpha);
+            float density = only_rays ? 1e30 : ggx_density(normal, view, direction, alpha);
             Incoming found = incoming_from(hit, origin, direction, density, hash(seed, 5u + sample_index));
 #if HAS_LIGHTS
             for (uint k = 0u; k < light_count; ++k) {
@@ -150,7 +150,7 @@ void main()
                     bool free = light_distance < found.distance || (light_distance > 1e29 && found.distance > 1e29);
                     if (max_component(shown) > 0.0 && free) {
                         float points = light_points * light_density(light, origin, direction, light_distance);
-                        found = Incoming(vec3(0.0), limited(shown * mis_weight(density, points)), light_distance, 0.0);
+                        found = Incoming(vec3(0.0), limited(shown * mis_weight(density, points)), light_distance);
                         hit.triangle = NONE_INDEX;
                     }
                 }
@@ -158,14 +158,13 @@ void main()
 #endif
 #if HAS_LAYERS
             if (hit.triangle != NONE_INDEX && hit.distance < reach) {
-                found.bounced = vec3(0.0);
-#if HAS_EMITTERS
-                found.emitted = vec3(0.0);  // the material knows better
-                imageStore(emission_weight_img, at, vec4(found.emission_weight));
-#endif
+                found.bounced = found.emitted = vec3(0.0);
                 seen = hit.triangle + 1u;
                 imageStore(rays_img, ivec2(2 * at.x, at.y), vec4(next.origin, next.width));
                 imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(next.direction, next.spread));
+#if HAS_EMITTERS
+                imageStore(density_img, at, vec4(density));
+#endif
                 atomicAdd(followed, 1u);
             }
 #endif
