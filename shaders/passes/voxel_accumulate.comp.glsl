@@ -33,6 +33,8 @@ uint fixed_point(float value, uint random)
     return uint(floor(scaled)) + (unit_float(random) < fract(scaled) ? 1u : 0u);
 }
 
+const float VIEW_COSINE = 0.55;
+
 void main()
 {
     uint number = invocation_index();
@@ -53,14 +55,16 @@ void main()
     intersect_plane(triangle, cell + inside + normal, -normal, barycentric, distance);
     barycentric = max(barycentric, 0.0);
     barycentric /= max(1.0, barycentric.x + barycentric.y);
-    // As seen from 60 degrees, which is about what surfaces reflect on average over the hemisphere.
+    // As seen from 57 degrees, where surfaces reflect about what they do on average over the hemisphere: the angle at which
+    // that holds is 60 degrees for a smooth dielectric and 53 for a rough one.
     vec3 tangent, bitangent;
     basis(normal, tangent, bitangent);
-    ShadingPoint point = shading_point(triangle, barycentric, 0.5 * normal + sqrt(0.75) * tangent, sqrt(area));
+    vec3 view = VIEW_COSINE * normal + sqrt(1.0 - VIEW_COSINE * VIEW_COSINE) * tangent;
+    ShadingPoint point = shading_point(triangle, barycentric, view, sqrt(area));
     Surface surface = surface_at(triangle, point);
     // Light goes straight through glass here, losing what is reflected on average.
     vec3 glass = specular_directional_albedo(surface.glass_f0, surface.glass_f90, surface.glass_ior,
-                                             surface.glass_roughness, 0.5);
+                                             surface.glass_roughness, VIEW_COSINE);
     vec3 passed = surface.transparency + surface.glass_transmission * (1.0 - glass);
     float opacity = 1.0 - clamp(luminance(passed), 0.0, 1.0);
 
@@ -74,8 +78,8 @@ void main()
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
     // As a Lambertian.
     vec3 reflectance = surface.diffuse + glass + specular_directional_albedo(surface.specular_f0, surface.specular_f90,
-                                                                             surface.specular_ior, surface.roughness, 0.5);
-    reflectance += surface.coat * dielectric_reflectance(0.5, surface.coat_ior);
+                                                                             surface.specular_ior, surface.roughness, VIEW_COSINE);
+    reflectance += surface.coat * dielectric_reflectance(VIEW_COSINE, surface.coat_ior);
     reflectance = min(reflectance / max(opacity, 1e-3), 1.0);
     // The cell has faces on this axis, unless two axes are equally near and were told apart otherwise there.
     int axis = dominant_axis(normal);
