@@ -78,8 +78,8 @@ def _of_object(thing: Any) -> Change:
 def changes_in(depsgraph: Any) -> Changes:
     """What changed since the depsgraph was evaluated last. Errs on the side of too much.
 
-    A depsgraph does not report: pixels, size and alpha mode of images that a script changed, which frame an image
-    sequence shows, and properties of add-ons.
+    A depsgraph does not report pixels, size and alpha mode of images that a script changed, and which frame an image
+    sequence shows.
     """
     kinds = Change.NONE
     shapes, images = set(), set()

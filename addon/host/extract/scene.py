@@ -103,7 +103,6 @@ class SceneReader:
         kinds = changes.kinds
         unreported = {
             Change.GEOMETRY: _uid(view_layer.material_override),
-            Change.LIGHT: _portals(),
             Change.WORLD: _uid(world),
         }
         for kind, state in unreported.items():
@@ -136,9 +135,3 @@ def _kept_scene(new: SceneData, old: SceneData | None) -> SceneData:
 
 def _uid(data: bpy.types.ID | None) -> int:
     return data.original.session_uid if data is not None else 0
-
-
-def _portals() -> frozenset[int]:
-    """The lights that are portals: a property of an add-on, of whose changes Blender does not know."""
-    portals = (light for light in bpy.data.lights if getattr(getattr(light, "cycles", None), "is_portal", False))
-    return frozenset(light.session_uid for light in portals)
