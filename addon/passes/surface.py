@@ -105,7 +105,8 @@ class SurfacePass:
         with self.gpu.timed("surface"):
             seed = (settings.seed * 0x9E3779B1 + sample * MAX_LAYERS) & 0xFFFFFFFF
             if geometry.triangle_count:
-                self._evaluate(geometry, materials, material_pass, camera, offset, seed, pending=False)
+                for _ in self._evaluate(geometry, materials, material_pass, camera, offset, seed, pending=False):
+                    yield 0.25
         yield 0.5
         if materials.has_transparency and voxels is not None and geometry.triangle_count:
             yield from self._look_through(geometry, voxels, materials, material_pass, camera, offset, seed)
@@ -159,7 +160,8 @@ class SurfacePass:
         *,
         pending: bool,
         last: bool = False,
-    ) -> None:
+    ) -> Iterator[None]:
+        """Evaluate the materials of all pixels. Yields after each program that had to be compiled."""
         gpu, slot = self.gpu, interface.slot
         pictures = self.pictures
         assert pictures is not None and self._bins is not None and self._pixels is not None
@@ -184,8 +186,11 @@ class SurfacePass:
             kernel.set(batch=index, random_seed=seed, **camera.uniforms(offset))
             if family.has_transparency:
                 kernel.set(last_layer=last)
+            was_cold = kernel.is_cold
             kernel.run_indirect(self._bins, 20 * index)
             material_pass.unbind(batch)
+            if was_cold:
+                yield
         gpu.barrier()  # lighting reads the pictures as textures
 
     def _bin(self, geometry: Geometry, materials: MaterialSet, *, pending: bool) -> None:
@@ -224,7 +229,7 @@ class SurfacePass:
             with self.gpu.timed("surface"):
                 if not self._advance(voxels, camera, offset):
                     return
-                self._evaluate(
+                for _ in self._evaluate(
                     geometry,
                     materials,
                     material_pass,
@@ -233,7 +238,8 @@ class SurfacePass:
                     seed + layer,
                     pending=True,
                     last=layer == MAX_LAYERS - 1,
-                )
+                ):
+                    yield 0.5 + 0.5 * (layer - 1) / MAX_LAYERS
             yield 0.5 + 0.5 * layer / MAX_LAYERS
 
     def _advance(self, voxels: Voxels, camera: CameraRays, offset: tuple[float, float]) -> bool:
