@@ -12,7 +12,7 @@ import bpy
 from . import session
 from .backend import background_has_gl
 from .film import wanted_passes, write_passes
-from .session import Session
+from .session import RenderCancelled, Session
 
 ENGINE_ID = "CONELIGHT"
 
@@ -61,7 +61,9 @@ class ConelightEngine(bpy.types.RenderEngine):
             self._session.forget()
             return  # an earlier layer or frame of this render failed, and Blender goes on all the same
         try:
-            self._session.synchronize(depsgraph, (self.resolution_x, self.resolution_y))
+            self._session.synchronize(depsgraph, (self.resolution_x, self.resolution_y), self.test_break)
+        except RenderCancelled:
+            self._failed = True
         except (Exception, KeyboardInterrupt) as error:
             self._fail(error)
 

@@ -44,6 +44,10 @@ class RenderFailed(Exception):
     """A render cannot go on; the message is a sentence for the user."""
 
 
+class RenderCancelled(Exception):
+    """The user pressed Esc."""
+
+
 def begin_render() -> None:
     """Forgets what the last render left behind."""
     global last_error, last_statistics
@@ -98,11 +102,19 @@ class Session:
         self._context: Any = None
         self._pipeline: Any = None
 
-    def synchronize(self, depsgraph: Any, resolution: tuple[int, int]) -> None:
+    def synchronize(
+        self, depsgraph: Any, resolution: tuple[int, int], test_break: Callable[[], bool] = lambda: False
+    ) -> None:
         """Reads settings and what may have changed in the scene. ``resolution``: of the whole frame, in pixels.
 
-        To be called after each evaluation of the depsgraph. Raises ExtractionError, and then holds no scene.
+        To be called after each evaluation of the depsgraph. Raises ExtractionError, or RenderCancelled when
+        ``test_break`` says so, and then holds no scene.
         """
+
+        def check() -> None:
+            if test_break():
+                raise RenderCancelled
+
         from .extract.scene import SceneReader
 
         start = time.perf_counter()
@@ -112,7 +124,7 @@ class Session:
         self.scene = None
         if self._reader is None:
             self._reader = SceneReader(is_preview=self.is_preview)
-        self.scene = self._reader.read(depsgraph, resolution)
+        self.scene = self._reader.read(depsgraph, resolution, check)
         self._extraction_ms = 1e3 * (time.perf_counter() - start)
 
     def forget(self) -> None:

@@ -143,10 +143,10 @@ class GeometryPass:
             records["first_triangle"] = (np.cumsum(counts) - counts) & 0xFFFFFFFF  # too many are refused below
             records["triangle_count"] = counts
             records["first_slot"] = np.cumsum(lengths) - lengths
-            for name, table in (
+            for name, firsts in (
                 ("first_mesh_triangle", mesh_triangle), ("first_normal", mesh_normals), ("first_layer", mesh_layers),
             ):  # fmt: skip
-                records[name] = np.array([table.get(index, 0) for index in range(len(scene.meshes))], np.uint32)[owners]
+                records[name] = np.array([firsts.get(index, 0) for index in range(len(scene.meshes))], np.uint32)[owners]
             records["random"] = [instance.random for instance in scene.instances]
             records["object_index"] = [instance.object_index for instance in scene.instances]
             records["mirrored"] = np.linalg.det(worlds[:, :3, :3]) < 0

@@ -137,12 +137,13 @@ class StandInReader:
         self.is_preview = is_preview
         script.readers += 1
 
-    def read(self, depsgraph: Any, resolution: tuple[int, int]) -> Any:
+    def read(self, depsgraph: Any, resolution: tuple[int, int], check: Any) -> Any:
         from addon.scene import CameraData, SceneData
 
         script.extractions += 1
         script.previews += self.is_preview
         script.resolutions.append(resolution)
+        check()
         if script.raise_in_extract:
             raise script.raise_in_extract
         camera = CameraData(np.eye(4), np.eye(4))
@@ -528,6 +529,16 @@ def case_cancel() -> None:
     assert session.last_error is None
     assert steps == 6 and script.samples == 2, (steps, script.samples)  # two steps of preparation, two of each sample
     assert script.released == 1 and session.last_statistics == {}
+
+    synchronize = session.Session.synchronize
+    session.Session.synchronize = lambda self, *arguments: synchronize(self, *arguments[:2], lambda: True)
+    start()
+    try:
+        assert render() == "" and script.extractions == 1 and script.samples == 0
+    finally:
+        session.Session.synchronize = synchronize
+    assert session.last_error is None
+    assert render() == "" and script.samples == 3
 
     for is_pressed in (False, True):  # there is no Esc in background
         told: list[Any] = []

@@ -29,6 +29,9 @@ _UNSUPPORTED = {
     "GREASEPENCIL": "grease pencil strokes are",
     "GPENCIL": "grease pencil strokes are",
 }
+#: Instances between two looks at whether to go on.
+_CHECK_INTERVAL = 1024
+
 #: An instance whose axes span less than this fraction of their box is flat: it has no inverse.
 _FLAT = 1e-12
 _FLATTENED = "its scale is 0 along an axis"
@@ -46,12 +49,17 @@ class MaterialTable:
         self._read: dict[int, tuple[MaterialData, list[str]]] = {}
         self._before: dict[int, tuple[MaterialData, list[str]]] = {}
         self._is_current = False
+        self._check: Callable[[], None] = lambda: None
         self._indices: dict[int, int] = {}
         self.materials: list[MaterialData] = []
         self.warnings: list[str] = []
 
-    def begin(self, is_current: bool) -> None:
-        """Begins anew. ``is_current``: the materials that were read are still as they were."""
+    def begin(self, is_current: bool, check: Callable[[], None]) -> None:
+        """Begins anew. ``is_current``: the materials that were read are still as they were.
+
+        ``check`` is called before each that is read, and may raise.
+        """
+        self._check = check
         self._before, self._read = self._read, {}
         self._is_current = is_current
         self._indices, self.materials, self.warnings = {}, [], []
@@ -63,6 +71,7 @@ class MaterialTable:
             self._indices[key] = len(self.materials)
             before = self._before.get(key)
             if before is None or not self._is_current:
+                self._check()
                 warnings: list[str] = []
                 default = MaterialData("Default", graph=None)
                 data = self._convert(material, warnings) if material is not None else default
@@ -216,9 +225,16 @@ def extract_lights(depsgraph: bpy.types.Depsgraph, warnings: list[str]) -> list[
 
 
 def extract_instances(
-    depsgraph: bpy.types.Depsgraph, materials: MaterialTable, meshes: MeshTable, warnings: list[str]
+    depsgraph: bpy.types.Depsgraph,
+    materials: MaterialTable,
+    meshes: MeshTable,
+    warnings: list[str],
+    check: Callable[[], None],
 ) -> list[InstanceData]:
-    """All placements of meshes that the depsgraph shows in its mode (render or viewport); fills both tables."""
+    """All placements of meshes that the depsgraph shows in its mode (render or viewport); fills both tables.
+
+    ``check`` is called now and then, and may raise.
+    """
     override = depsgraph.view_layer_eval.material_override
     flags = _FlagTable(depsgraph)
     instances: list[InstanceData] = []
@@ -235,6 +251,8 @@ def extract_instances(
     items.foreach_get("random_id", random_ids)
 
     for i, item in enumerate(items):
+        if i % _CHECK_INTERVAL == 0:
+            check()
         if not shown[i]:
             continue
         obj = item.object
@@ -249,6 +267,7 @@ def extract_instances(
             continue
         key = (obj.original.session_uid, obj.data.as_pointer())
         if key not in parts:
+            check()
             parts[key] = _part(obj, override, materials, meshes, warnings)
         part = parts[key]
         if part.mesh is None:

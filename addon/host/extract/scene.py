@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields, replace
 from typing import Any
 
@@ -42,19 +43,27 @@ class SceneReader:
         self._meshes = MeshTable()
         self._warnings: dict[Change, list[str]] = {}
 
-    def read(self, depsgraph: bpy.types.Depsgraph, resolution: tuple[int, int]) -> SceneData:
+    def read(
+        self,
+        depsgraph: bpy.types.Depsgraph,
+        resolution: tuple[int, int],
+        check: Callable[[], None] = lambda: None,
+    ) -> SceneData:
         """The scene as the depsgraph shows it. To be called each time that the depsgraph has been evaluated.
 
         ``resolution``: size of the whole frame in pixels (width, height), before any cropping to the render region.
-        Raises ExtractionError when there is no usable camera.
+        ``check`` is called now and then, and may raise to end the reading. Raises ExtractionError when there is no
+        usable camera.
         """
         try:
-            return self._read(depsgraph, resolution)
+            return self._read(depsgraph, resolution, check)
         except BaseException:
             self.forget()
             raise
 
-    def _read(self, depsgraph: bpy.types.Depsgraph, resolution: tuple[int, int]) -> SceneData:
+    def _read(
+        self, depsgraph: bpy.types.Depsgraph, resolution: tuple[int, int], check: Callable[[], None]
+    ) -> SceneData:
         scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
         world = view_layer.world_override or scene.world
         changes = self._changes(depsgraph, world)
@@ -62,10 +71,10 @@ class SceneReader:
 
         camera = extract_camera(depsgraph, resolution, self._warnings_of(Change.CAMERA))  # it costs nothing
         if old is None or kinds & (Change.GEOMETRY | Change.MATERIAL):
-            self._materials.begin(is_current=not kinds & Change.MATERIAL)
+            self._materials.begin(is_current=not kinds & Change.MATERIAL, check=check)
             self._meshes.begin(changes.shapes)
             warnings = self._warnings_of(Change.GEOMETRY)
-            instances = tuple(extract_instances(depsgraph, self._materials, self._meshes, warnings))
+            instances = tuple(extract_instances(depsgraph, self._materials, self._meshes, warnings, check))
             self._meshes.end()
             self._warnings[Change.MATERIAL] = self._materials.warnings
         else:
