@@ -146,7 +146,8 @@ class GeometryPass:
             for name, firsts in (
                 ("first_mesh_triangle", mesh_triangle), ("first_normal", mesh_normals), ("first_layer", mesh_layers),
             ):  # fmt: skip
-                records[name] = np.array([firsts.get(index, 0) for index in range(len(scene.meshes))], np.uint32)[owners]
+                of_mesh = [firsts.get(index, 0) for index in range(len(scene.meshes))]
+                records[name] = np.array(of_mesh, np.uint32)[owners]
             records["random"] = [instance.random for instance in scene.instances]
             records["object_index"] = [instance.object_index for instance in scene.instances]
             records["mirrored"] = np.linalg.det(worlds[:, :3, :3]) < 0
