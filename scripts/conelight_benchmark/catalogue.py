@@ -35,7 +35,7 @@ class Recipe:
 class Bar:
     """What a preset is to reach."""
 
-    relative_mse: float
+    error: float  # relMSE; of a constant picture the largest deviation; 0: any
     bias: float
 
 
