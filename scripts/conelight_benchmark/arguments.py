@@ -62,6 +62,6 @@ def parse(texts: Sequence[str], root: str) -> Arguments:
     values = made.parse_args(list(texts))
     if values.reference_samples is not None and values.reference_samples < 1:
         made.error("--reference-samples: at least 1")
-    return Arguments(**{
-        name: tuple(value) if isinstance(value, list) else value for name, value in vars(values).items()
-    })
+    for name in ("scenes", "peers", "presets", "only"):
+        setattr(values, name, tuple(getattr(values, name)))
+    return Arguments(**vars(values))

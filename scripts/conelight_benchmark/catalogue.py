@@ -89,7 +89,6 @@ def _scenes() -> Iterator[BenchmarkScene]:
                          has_surroundings=True, bars=_bars((0.03, 0.04), (0.01, 0.02)))
     resolution = 128
     for thick in (1, 2):
-        # bars: the walls of one voxel are the harder case; both are held to them
         yield BenchmarkScene(
             f"rooms_open_{thick}", _recipe("rooms", "two_rooms", door_open=True, voxels_thick=thick,
                                            resolution=resolution),
@@ -101,9 +100,9 @@ def _scenes() -> Iterator[BenchmarkScene]:
                                              resolution=resolution),
             "dark", voxels=resolution, has_lamps=True, irradiance=SUN, bars={"balanced": Bar(0.0, 0.001)},
         )
-    for name, thick, leak in (("leak_1", 1.0, 0.001), ("leak_quarter", 0.25, 0.01)):
+    for name, wall, leak in (("leak_1", 1.0, 0.001), ("leak_quarter", 0.25, 0.01)):
         yield BenchmarkScene(
-            name, _recipe("rooms", "closed_room", voxels_thick=thick, resolution=resolution), "dark",
+            name, _recipe("rooms", "closed_room", voxels_thick=wall, resolution=resolution), "dark",
             voxels=resolution, has_lamps=True, irradiance=SUN, bars={"balanced": Bar(0.0, leak)},
         )
     yield BenchmarkScene("interior", _recipe("rooms", "interior"), "indirect", has_lamps=True, has_surroundings=True,

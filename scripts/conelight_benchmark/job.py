@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""One measurement: a scene rendered by one engine with one set of numbers. It is known by a hash of all it depends on."""
+"""One measurement: a scene rendered by one engine with one set of numbers, known by a hash of all it depends on."""
 
 from __future__ import annotations
 

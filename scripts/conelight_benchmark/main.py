@@ -15,13 +15,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-
-from tqdm import tqdm
 
 from conelight_cli.console import is_verbose
 from conelight_cli.errors import FAILED, CommandError
+from tqdm import tqdm
 
 from .arguments import Arguments
 from .catalogue import ROOT, SCENES, BenchmarkScene
@@ -99,15 +98,14 @@ def render(store: Store, scene: BenchmarkScene, jobs: Sequence[Job], bar: tqdm) 
     """Renders jobs of one engine, in a new process again after one that failed. Returns what is to be said of those."""
     failures: list[str] = []
     left = list(jobs)
+
+    def count() -> None:
+        """Takes what is finished off the list; a worker goes through it in order."""
+        while left and store.result(scene, left[0]) is not None:
+            del left[0]
+            bar.update()
+
     while left:
-        done = 0
-
-        def count() -> None:
-            nonlocal done
-            while done < len(left) and store.result(scene, left[done]) is not None:
-                done += 1
-                bar.update()
-
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "jobs.json"
             file.write_text(json.dumps({
@@ -115,15 +113,15 @@ def render(store: Store, scene: BenchmarkScene, jobs: Sequence[Job], bar: tqdm) 
                 "jobs": [{"job": job.as_dict(), "folder": str(store.result_folder(scene, job))} for job in left],
             }), encoding="utf-8")
             _, said = run_child(["conelight_benchmark.worker", str(file)], count)
-        if done < len(left):
-            failures.append(f"scene '{scene.name}': {left[done].engine} gave no picture: {last_line(said)}")
+        if left:
+            failures.append(f"scene '{scene.name}': {left[0].engine} gave no picture: {last_line(said)}")
             say(failures[-1])
+            del left[0]
             bar.update()
-        left = left[done + 1:]
     return failures
 
 
-def run_child(arguments: Sequence[str], while_waiting: object = None) -> tuple[int, str]:
+def run_child(arguments: Sequence[str], while_waiting: Callable[[], None] = lambda: None) -> tuple[int, str]:
     """Runs a module of this project in a new Python. Returns its exit status and what it printed."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "scripts")])}
     with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as output:
@@ -134,15 +132,13 @@ def run_child(arguments: Sequence[str], while_waiting: object = None) -> tuple[i
         try:
             while child.poll() is None:
                 time.sleep(0.2)
-                if callable(while_waiting):
-                    while_waiting()
+                while_waiting()
         finally:
             if child.poll() is None:
                 with contextlib.suppress(ProcessLookupError):
                     os.killpg(child.pid, signal.SIGTERM)
                 child.wait()
-        if callable(while_waiting):
-            while_waiting()
+        while_waiting()
         output.seek(0)
         return child.returncode, output.read()
 

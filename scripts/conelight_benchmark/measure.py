@@ -92,7 +92,7 @@ def flip(picture: Picture, reference: Picture) -> float | None:
     if not hasattr(oiio.ImageBufAlgo, "FLIP_diff"):
         return None
     x, r = (oiio.ImageBuf(np.ascontiguousarray(p, np.float32)) for p in (picture, reference))
-    return float(oiio.ImageBufAlgo.FLIP_diff(r, x).get_pixels(oiio.FLOAT)[..., 0].mean())
+    return float(np.asarray(oiio.ImageBufAlgo.FLIP_diff(r, x).get_pixels(oiio.FLOAT))[..., 0].mean())
 
 
 def constancy(picture: Picture, expected: float) -> dict[str, float]:

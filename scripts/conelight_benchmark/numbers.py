@@ -111,8 +111,8 @@ def find(entry: Row, peer: str, where: str = "stills") -> Row | None:
 
 
 def time_to(entry: Row, error: float, groups: Sequence[str] = ("Conelight", "samples")) -> float | None:
-    """CPU time (ms) in which Conelight reaches a full-image error: between the two measurements around it, by a straight
-    line between logarithms; None: no measurement reaches it."""
+    """CPU time (ms) in which Conelight reaches a full-image error: between the two measurements around it, by a
+    straight line between logarithms; None: no measurement reaches it."""
     rows = [row for row in entry["stills"] if row["group"] in groups and "full" in row]
     best: float | None = None
     last: tuple[float, float] | None = None

@@ -79,7 +79,8 @@ def pictures(folder: Path, scene: str, picture: Picture, halves: tuple[Picture, 
     reference = np.asarray(0.5 * (halves[0] + halves[1]), np.float32)
     mean = max(float(reference.mean()), 1e-12)
     difference = (picture - reference) / (np.abs(reference) + 0.2 * mean)
-    parts = [encoded(picture * (MIDDLE_GREY / mean)), encoded(reference * (MIDDLE_GREY / mean))]
+    exposure = np.float32(MIDDLE_GREY / mean)
+    parts = [encoded(picture * exposure), encoded(reference * exposure)]
     name = f"{scene}_pictures.png"
     write(folder / name, np.concatenate([*parts, np.clip(0.5 + 0.5 * difference, 0.0, 1.0)], axis=1))
     return name

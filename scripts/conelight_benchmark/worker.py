@@ -17,19 +17,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
 from conelight_cli import process
 
 process.isolate_blender()  # before the first import of Blender
 
 import bpy  # noqa: E402
+from conelight_cli import engines  # noqa: E402
+from conelight_cli import scene as scene_files  # noqa: E402
+from conelight_cli.output import choose_format  # noqa: E402
 from mathutils import Matrix, Vector  # noqa: E402
 
 from addon.host.film import PASSES  # noqa: E402
 from blender_tests.pictures import Picture, write  # noqa: E402
-from conelight_cli import engines  # noqa: E402
-from conelight_cli import scene as scene_files  # noqa: E402
-from conelight_cli.output import choose_format  # noqa: E402
 
 from .job import Job  # noqa: E402
 from .store import INFO, filling  # noqa: E402

@@ -42,7 +42,8 @@ def two_rooms(path: Path, *, door_open: bool, voxels_thick: float, resolution: i
     x = 2 * t + SIDE
     parts.add_box(stage, "Chest", (x + 2.6, t + 2.6, t), (x + 3.5, t + 3.4, t + 0.8),
                   parts.matte(stage, "Red", RED), turn=25.0)
-    parts.add_box(stage, "Shelf", (x + 3.3, t + 0.5, t), (x + 3.8, t + 1.3, t + 1.8), parts.matte(stage, "Green", GREEN))
+    parts.add_box(stage, "Shelf", (x + 3.3, t + 0.5, t), (x + 3.8, t + 1.3, t + 1.8),
+                  parts.matte(stage, "Green", GREEN))
     parts.add_sun(stage, (1.0, 0.15, -0.8), SUN)
     parts.add_camera(stage, (x + 0.25, t + 0.3, t + 1.6), (x + 3.2, t + 2.5, t + 0.95), lens=20.0)
     stage.Save()

@@ -137,8 +137,8 @@ def add_solid(
         where = {index: i for i, index in enumerate(used)}
         points: list[Point] = []
         for index in used:
-            i, j, k = np.unravel_index(index, shape)
-            points.append((float(planes[0][i]), float(planes[1][j]), float(planes[2][k])))
+            i, j, k = (int(part) for part in np.unravel_index(index, shape))
+            points.append((planes[0][i], planes[1][j], planes[2][k]))
         renumbered = [tuple(where[index] for index in face) for face in faces]
         suffix = f"_{number}" if len(materials) > 1 else ""
         result.append(add_mesh(stage, f"/World/{name}{suffix}", points, renumbered, material))
