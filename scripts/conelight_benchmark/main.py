@@ -38,6 +38,7 @@ def main(arguments: Arguments) -> int:
     if arguments.list:
         print("scenes: " + " ".join(SCENES) + "\n\npeers: " + " ".join(PEERS))
         return 0
+    signal.signal(signal.SIGTERM, _interrupt)  # children are ended then too
     try:
         todo, missing = plans(arguments)
         for text in missing:
@@ -55,6 +56,10 @@ def main(arguments: Arguments) -> int:
     except KeyboardInterrupt:
         say("benchmark: stopped; what was finished is kept")
         return 130
+
+
+def _interrupt(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def say(text: str) -> None:
