@@ -12,9 +12,10 @@ import json
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from conelight_cli import process
@@ -24,6 +25,7 @@ process.isolate_blender()  # before the first import of Blender
 import bpy  # noqa: E402
 from conelight_cli import engines  # noqa: E402
 from conelight_cli import scene as scene_files  # noqa: E402
+from conelight_cli.errors import FAILED  # noqa: E402
 from conelight_cli.output import choose_format  # noqa: E402
 from mathutils import Matrix, Vector  # noqa: E402
 
@@ -41,7 +43,18 @@ WARM_UP_SIZE = (32, 24)
 LIGHT_PASSES = ("diffuse_direct", "diffuse_color", "glossy_direct", "glossy_color", "emission", "environment")
 
 
-def main(jobs_file: Path) -> None:
+def main(jobs_file: Path) -> NoReturn:
+    """Renders all jobs and ends the process, also after an error, whose traceback is printed."""
+    try:
+        render_all(jobs_file)
+    except Exception:
+        traceback.print_exc()
+        process.leave(FAILED)
+    process.leave(0)
+
+
+def render_all(jobs_file: Path) -> None:
+    """Renders the jobs of a file in their order."""
     work = json.loads(jobs_file.read_text(encoding="utf-8"))
     for entry in work["jobs"]:
         run(Path(work["scene"]), Job.from_dict(entry["job"]), Path(entry["folder"]))
@@ -261,4 +274,3 @@ def _read_passes(path: Path) -> Iterator[tuple[str, Picture]]:
 
 if __name__ == "__main__":
     main(Path(sys.argv[1]))
-    process.leave(0)
