@@ -82,23 +82,36 @@ class CameraRays:
         return shift @ self.clip_from_grid
 
 
-def pixel_offset(index: int, filter_width: float) -> tuple[float, float]:
-    """Where in the pixel pass ``index`` samples: the R2 sequence through the inverse of the filter's distribution.
+#: Pixels to each side that a filter reaches, at most: Blender's widest is 10.
+MAX_REACH = 11
 
-    Importance sampling of the Blackman-Harris window (Harris 1978), as Cycles does: the window falls to zero
-    ``filter_width`` pixels from the middle, so that it is twice as wide in all.
+
+def pixel_offset(index: int, filter_width: float) -> tuple[float, float]:
+    """Where in each pixel pass ``index`` samples, 0..1: the R2 sequence (lib/sampling.glsl).
+
+    It goes both ways from the middle (0, 1, -1, 2, -2, ...), so that the mean of the places stays in the middle and the
+    picture of few passes is not shifted. A filter narrower than a pixel keeps the places near the middle.
     """
-    if filter_width <= 0.0:
-        return 0.5, 0.5
-    x = np.linspace(-1.0, 1.0, 1025)
-    window = (
-        0.35875
-        + 0.48829 * np.cos(np.pi * x)
-        + 0.14128 * np.cos(2 * np.pi * x)
-        + 0.01168 * np.cos(3 * np.pi * x)
-    )
-    cumulative = np.concatenate([[0.0], np.cumsum(0.5 * (window[1:] + window[:-1]))])
-    cumulative /= cumulative[-1]
-    u = (0.5 + (index + 1) * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
-    at = np.interp(u, cumulative, x)
-    return 0.5 + float(at[0]) * filter_width, 0.5 + float(at[1]) * filter_width
+    place = (index + 1) // 2 if index % 2 else -(index // 2)
+    u = (0.5 + place * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
+    side = min(1.0, 2.0 * filter_width)
+    return 0.5 + (float(u[0]) - 0.5) * side, 0.5 + (float(u[1]) - 0.5) * side
+
+
+def filter_reach(filter_width: float) -> int:
+    """Pixels to each side whose samples a pixel takes."""
+    return min(max(int(np.ceil(filter_width - 0.5)), 0), MAX_REACH)
+
+
+def filter_weights(place: float, filter_width: float) -> list[float]:
+    """Weights of the pixels from ``-reach`` to ``reach`` whose samples lie at ``place`` in each; zeros follow.
+
+    The Blackman-Harris window (Harris 1978), which falls to zero ``filter_width`` pixels from the middle: as in Cycles,
+    it is twice as wide in all as the setting says.
+    """
+    reach = filter_reach(filter_width)
+    if reach == 0:
+        return [1.0] + [0.0] * (2 * MAX_REACH)
+    x = np.clip((np.arange(-reach, reach + 1) + place - 0.5) / filter_width, -1.0, 1.0) * np.pi
+    weights = 0.35875 + 0.48829 * np.cos(x) + 0.14128 * np.cos(2.0 * x) + 0.01168 * np.cos(3.0 * x)
+    return [*np.maximum(weights, 0.0).tolist(), *[0.0] * (2 * (MAX_REACH - reach))]

@@ -9,6 +9,19 @@ from dataclasses import dataclass
 from .scene import LightKind, RayVisibility, SceneData
 from .settings import Settings
 
+#: Share of a GGX lobe's width that one ray drawn from it stands for; the other rays bring the rest. A lobe has
+#: 2 tan(2 atan(alpha)), about 4 alpha, for half of its light: side of the area over distance, for alpha = roughness^2.
+SPREAD_OF_ALPHA = 2.0
+#: A reflected ray is followed while it stands for an area with a side of at most this, cells ...
+SHARP_WIDTH = 2.0
+#: ... if that is so for at least this far, cells.
+SHARP_REACH = 8.0
+
+
+def is_sharp(roughness: float, aperture: float) -> bool:
+    """Whether rays of a GGX lobe are followed: as in shaders/passes/reflect.comp.glsl."""
+    return SHARP_WIDTH >= SHARP_REACH * SPREAD_OF_ALPHA * roughness * roughness * aperture
+
 
 @dataclass(frozen=True)
 class Features:
@@ -20,7 +33,9 @@ class Features:
     has_emission: bool
     has_transparency: bool
     has_glossy: bool
+    follows_glossy: bool  # reflections are sharp enough to show more than voxels know
     has_diffuse_gather: bool
+    has_reconstruction: bool
     has_direct: bool
     has_visible_lights: bool
     needs_radiance: bool  # voxel faces carry light
@@ -40,14 +55,17 @@ class Features:
         emission: bool,
         transparency: bool,
         specular: bool,
+        least_roughness: float,
         world: bool,
     ) -> Features:
-        """``diffuse`` ... ``world``: what the compiled materials and the world have."""
+        """``diffuse`` ... ``world``: what the compiled materials and the world have. ``least_roughness``: of what is
+        glossy."""
         has_geometry = any(len(scene.meshes[i.mesh].triangle_vertices) for i in scene.instances)
         lit = bool(scene.lights) or emission or world
         occlusion = settings.gather_mode == "OCCLUSION"
         gather = has_geometry and lit and diffuse and settings.use_indirect and settings.indirect_amount > 0.0
         glossy = has_geometry and lit and specular and settings.use_specular and settings.specular_amount > 0.0
+        sharp = glossy and is_sharp(least_roughness, settings.specular_aperture)
         direct = has_geometry and bool(scene.lights) and settings.use_direct and settings.direct_amount > 0.0
         shadow_cones = direct and settings.use_shadows and settings.shadow_mode == "CONE"
         needs_radiance = ((gather or glossy) and not occlusion) or shadow_cones
@@ -68,7 +86,9 @@ class Features:
             has_emission=emission,
             has_transparency=transparency,
             has_glossy=glossy,
+            follows_glossy=sharp and settings.glossy_layers > 0 and not occlusion,
             has_diffuse_gather=gather,
+            has_reconstruction=(glossy or (gather and not gather_cones)) and settings.use_reconstruction,
             has_direct=direct,
             has_visible_lights=visible,
             needs_radiance=needs_radiance,

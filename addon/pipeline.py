@@ -2,7 +2,7 @@
 """The frame, top to bottom. One pipeline serves a viewport, an F12 render or a preview; it knows nothing of Blender.
 
     prepare: materials -> geometry -> voxels -> lights -> injection -> links -> bounces (-> cones)
-    sample:  surfaces -> direct light -> gather -> film
+    sample:  surfaces -> direct light -> gather -> reflections -> sharing -> film
 
 Each step of ``prepare`` is redone only when something it depends on has changed. Both are generators that yield between
 pieces of work of well under half a second, so that a caller can show progress and stop.
@@ -21,13 +21,17 @@ from .features import Features
 from .gpu.context import GpuContext
 from .grid import VoxelGrid, choose_resolution, scene_bounds
 from .passes.bounce import BouncePass, LinkPass
-from .passes.compose import Film
+from .passes.compose import Film, PixelLight
 from .passes.cones import ConeVolume
+from .passes.direct import DirectPass
+from .passes.frame import Frame, LitVoxels
+from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
 from .passes.inject import InjectPass, LightTable
-from .passes.lighting import DirectPass, GatherPass
 from .passes.materials import MaterialPass
-from .passes.surface import SurfacePass
+from .passes.reconstruct import ReconstructPass
+from .passes.reflect import ReflectPass
+from .passes.surface import SurfacePass, Surfaces
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
 from .scene import SceneData
@@ -97,6 +101,11 @@ class Pipeline:
         self._surface = SurfacePass(gpu)
         self._direct = DirectPass(gpu)
         self._gather = GatherPass(gpu)
+        self._sharing = {
+            name: ReconstructPass(gpu, glossy=name.startswith("reflected"))
+            for name in ("gathered", "gathered_emitted", "reflected", "reflected_emitted")
+        }
+        self._reflect = ReflectPass(gpu)
         self._scene: SceneData | None = None
         self._settings = Settings()
         self._size = (0, 0)
@@ -151,6 +160,7 @@ class Pipeline:
             emission=materials.has_emission,
             transparency=materials.has_transparency,
             specular=materials.has_specular,
+            least_roughness=materials.least_roughness,
             world=self._world.is_lit,
         )
         self.features = features
@@ -202,9 +212,11 @@ class Pipeline:
         self._surface.allocate(size, len(materials.batches))
         if not features.has_direct:
             self._direct.release()
-        if not (features.has_diffuse_gather or features.has_glossy):
+        if not features.has_diffuse_gather:
             self._gather.release()
-        self.film.start(size, self._wanted)
+        if not features.has_glossy:
+            self._reflect.release()
+        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0)
         self._camera = CameraRays.of(scene.camera, grid, size)
         if self.gpu.mgl.error == "GL_OUT_OF_MEMORY":
             raise MemoryError(
@@ -246,48 +258,45 @@ class Pipeline:
         geometry, voxels, materials = self._geometry.geometry, self._voxelize.voxels, self._materials.set
         if scene is None or features is None or geometry is None or voxels is None or materials is None:
             raise PipelineError("nothing was prepared to render")
-        index = self.film.samples
+        camera, index = self._camera, self.film.samples
         offset = pixel_offset(index, scene.pixel_filter_width)
-        camera = self._camera
         surface = self._surface.pictures
         assert surface is not None
-        for share in self._surface.run(geometry, voxels, materials, self._materials, camera, offset, index, settings):
+        surfaces = Surfaces(geometry, voxels, materials, self._materials)
+        for share in self._surface.run(surfaces, camera, offset, index, settings):
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, camera, offset, settings)
+        frame = Frame(index, camera, offset, surface, features, settings, self.film.active_tiles)
+        radiance = self._bounce.radiance[0] if features.needs_radiance else None
+        lit = LitVoxels(voxels, radiance, self._lights, self._world, self._cones)
+        splits = self.film.splits_light
         if features.has_direct:
-            for share in self._direct.run(
-                surface, voxels, self._lights, self._cones, camera, offset, index, features, settings
-            ):
+            for share in self._direct.run(frame, lit):
                 yield Progress(0.2 + 0.2 * share, "Direct light")
-        if features.has_diffuse_gather or features.has_glossy:
-            radiance = self._bounce.radiance[0] if features.needs_radiance else None
-            for share in self._gather.run(
-                surface,
-                voxels,
-                radiance,
-                self._lights,
-                self._world,
-                self._cones,
-                camera,
-                offset,
-                index,
-                features,
-                settings,
-            ):
-                yield Progress(0.4 + 0.5 * share, "Indirect light")
-        self.film.add(
-            scene,
-            surface,
-            self._direct.pictures if features.has_direct else None,
-            self._gather.pictures if features.has_diffuse_gather or features.has_glossy else None,
-            self._world,
-            camera,
-            offset,
-            geometry.grid,
-            features,
-            settings,
-        )
+        if features.has_diffuse_gather:
+            for share in self._gather.run(frame, lit, keeps_emitted=splits):
+                yield Progress(0.4 + 0.3 * share, "Indirect light")
+        if features.has_glossy:
+            for share in self._reflect.run(frame, lit, self._surface, surfaces, keeps_emitted=splits):
+                yield Progress(0.7 + 0.2 * share, "Reflections")
+        lights = {
+            "gathered": self._gather.incoming,
+            "gathered_emitted": self._gather.emitted,
+            "reflected": self._reflect.radiance,
+            "reflected_emitted": self._reflect.emitted,
+        }
+        for number, (name, sharing) in enumerate(self._sharing.items()):
+            light = lights[name]
+            is_smooth = features.gather_cones and name.startswith("gathered")
+            if light is None or is_smooth or not features.has_reconstruction:
+                sharing.release()
+                continue
+            for share in sharing.run(frame, light):
+                yield Progress(0.9 + 0.1 * (number + share) / len(lights), "Sharing light")
+            lights[name] = sharing.shared
+        at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
+        self.film.add(frame, lit, scene, at_pixels)
         yield Progress(1.0, "Pass done")
 
     # Report -----------------------------------------------------------------------------------------------------
@@ -299,6 +308,7 @@ class Pipeline:
             "renderer": self.gpu.renderer,
             "resolution": list(self._size),
             "samples": self.film.samples,
+            "mean_samples": round(self.film.mean_samples, 3),
             "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
             "occupied": voxels.cell_count if voxels else 0,
             "faces": voxels.faces.count if voxels else 0,
@@ -314,10 +324,12 @@ class Pipeline:
 
     def release(self) -> None:
         """Free every GL object."""
-        for part in (
+        parts: tuple[Any, ...] = (
             self._surface,
             self._direct,
             self._gather,
+            *self._sharing.values(),
+            self._reflect,
             self._cones,
             self._bounce,
             self._inject,
@@ -328,6 +340,7 @@ class Pipeline:
             self._geometry,
             self._materials,
             self.film,
-        ):
+        )
+        for part in parts:
             part.release()
         self._memo = _Memo()

@@ -133,6 +133,23 @@ class Settings:
         lo=0,
         hi=2**31 - 1,
     )
+    noise_threshold: float = _setting(
+        "Noise Threshold",
+        0.0,
+        "Parts of the picture get no more passes once their noise is below this; it is measured as Cycles measures it. "
+        "0: all parts get all passes.",
+        Panel.SAMPLING,
+        lo=0.0,
+        hi=1.0,
+        soft_hi=0.1,
+    )
+    use_reconstruction: bool = _setting(
+        "Reconstruction",
+        True,
+        "Neighbouring pixels share the diffuse light they gather, less and less as passes accumulate.",
+        Panel.SAMPLING,
+        cost="little: about one ray for each pixel and pass",
+    )
     clamp_indirect: float = _setting(
         "Clamp Indirect",
         0.0,
@@ -221,6 +238,17 @@ class Settings:
         lo=0.0,
         hi=4.0,
         soft_hi=2.0,
+    )
+    glossy_layers: int = _setting(
+        "Glossy Layers",
+        8,
+        "Surfaces that a sharp reflection is followed to, one after the other; each is shaded as if the camera saw it. "
+        "After the last, and in wide reflections, voxels tell what is seen.",
+        Panel.LIGHT,
+        lo=0,
+        hi=64,
+        soft_hi=16,
+        cost="where reflections are sharp: light at one more surface for each",
     )
     light_falloff: float = _setting(
         "Light Falloff",

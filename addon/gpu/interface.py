@@ -87,15 +87,20 @@ TEXTURE_ALIASES = {
     # Composition reads no grid: what it composes has the grid's units.
     "TEX_DIRECT_DIFFUSE": "TEX_TRIANGLES",
     "TEX_DIRECT_GLOSSY": "TEX_BRICKS",
-    "TEX_INDIRECT_DIFFUSE": "TEX_INSTANCES",
-    "TEX_INDIRECT_GLOSSY": "TEX_CELLS",
+    "TEX_GATHERED": "TEX_INSTANCES",
+    "TEX_GATHERED_EMITTED": "TEX_CELLS",
+    "TEX_REFLECTED": "TEX_CORNERS",
+    "TEX_REFLECTED_EMITTED": "TEX_CELL_TRIANGLES",
+    "TEX_VALUE": "TEX_TRIANGLES",
 }
 #: Material textures share units with what a step that evaluates materials never reads. GL promises sixteen units, so
 #: eight textures; more where the driver has more.
 FIRST_MATERIAL_TEXTURE = 8
 MAX_MATERIAL_TEXTURES = 24
 
-IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_7")
+# Image units. GL 4.3 promises eight to a stage.
+IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_TILES")
+IMAGE_ALIASES = {"IMG_RAYS": "IMG_TILES"}  # layers whose pixels have rays of their own ask no tiles
 
 _GLSL_SIZE = {"float": (4, 4), "uint": (4, 4), "int": (4, 4), "vec2": (8, 8), "vec3": (16, 12), "vec4": (16, 16)}
 _NUMPY = {
@@ -212,7 +217,7 @@ def prelude() -> str:
     defines: dict[str, object] = {}
     for table in (BUFFERS, TEXTURES, IMAGES):
         defines |= {name: slot for slot, name in enumerate(table)}
-    defines |= {alias: defines[name] for alias, name in TEXTURE_ALIASES.items()}
+    defines |= {alias: defines[name] for alias, name in (TEXTURE_ALIASES | IMAGE_ALIASES).items()}
     defines |= {f"TEX_MATERIAL_{i}": FIRST_MATERIAL_TEXTURE + i for i in range(MAX_MATERIAL_TEXTURES)}
     defines |= {
         "GROUP_SIZE": GROUP_SIZE,
@@ -246,7 +251,7 @@ assert AreaShape.ELLIPSE == 1
 
 def slot(name: str) -> int:
     """The binding of a buffer, texture unit or image unit by its name."""
-    name = TEXTURE_ALIASES.get(name, name)
+    name = (TEXTURE_ALIASES | IMAGE_ALIASES).get(name, name)
     for table in (BUFFERS, TEXTURES, IMAGES):
         if name in table:
             return table.index(name)

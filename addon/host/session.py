@@ -169,7 +169,7 @@ class Session:
             first_frame_ms = first_frame_ms or 1e3 * elapsed
             if after_sample is not None:
                 after_sample(sample + 1)
-            if 0.0 < self.settings.time_limit <= elapsed:
+            if self.film.is_converged or 0.0 < self.settings.time_limit <= elapsed:
                 break
         self._publish_statistics(size, 1e3 * (time.perf_counter() - start), first_frame_ms)
         return True

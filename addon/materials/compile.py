@@ -62,6 +62,7 @@ class CompiledMaterial:
     textures: tuple[TextureBinding, ...]
     uv_layers: tuple[str | None, ...]  # names in slot order; None: the active layer
     color_layers: tuple[str | None, ...]
+    least_roughness: float  # of what is glossy; 0 where it varies, 1 when nothing is glossy
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +106,8 @@ def compile_materials(
             messages += _left_out(_owner(material), emitter)
         except (RecursionError, ArithmeticError, KeyError, TypeError, ValueError, IndexError) as error:
             messages.append(_failure(_owner(material), error))
-            family, emitter, parameters = _emit_material(_default_closure(material), max_textures)
+            closure = _default_closure(material)
+            family, emitter, parameters = _emit_material(closure, max_textures)
         warnings += [message for message in messages if message not in warnings]
         compiled.append(
             CompiledMaterial(
@@ -115,6 +117,7 @@ def compile_materials(
                 _bindings(emitter, images),
                 tuple(emitter.uv_layers),
                 tuple(emitter.color_layers),
+                _least_roughness(closure),
             )
         )
     return CompiledMaterials(list(families), compiled, images, warnings)
@@ -157,6 +160,12 @@ def _output_closure(reader: GraphReader, graph: NodeGraph) -> Closure:
         if not reader.is_linked(output, "Surface"):
             return Closure(transparency=ONE)
     return reader.closure(output, "Surface")
+
+
+def _least_roughness(closure: Closure) -> float:
+    if not closure.has_specular:
+        return 1.0
+    return float(closure.roughness.value) if closure.roughness.is_known else 0.0
 
 
 def _bindings(emitter: Emitter, images: list[ImageData]) -> tuple[TextureBinding, ...]:

@@ -4,20 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import moderngl
 import numpy as np
 
-from ..camera import CameraRays
-from ..features import Features
+from ..camera import MAX_REACH, filter_reach, filter_weights
 from ..gpu import interface
 from ..gpu.context import GpuContext
-from ..grid import VoxelGrid
 from ..scene import FloatArray, SceneData
-from ..settings import Settings
-from .lighting import LightingPictures
-from .surface import SurfacePictures, bind_pixels
-from .world import WorldLight
+from .converge import Convergence
+from .frame import ActiveTiles, Frame, LitVoxels
 
 #: Name -> channels, and whether it is an average over passes or the first pass's value.
 OUTPUTS: dict[str, tuple[int, bool]] = {
@@ -36,6 +33,27 @@ OUTPUTS: dict[str, tuple[int, bool]] = {
 }
 
 
+#: Outputs that tell light straight from where it is made from light that was passed on.
+SPLIT_OUTPUTS = ("diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect")
+
+
+#: Outputs whose sums hold reflected light, and that are read divided by the sum of the colour: so their product with
+#: the colour is exactly what is in the picture, also where a pixel shows several surfaces. As in Cycles.
+DIVIDED_BY_COLOR = ("diffuse_direct", "diffuse_indirect")
+
+
+@dataclass(frozen=True)
+class PixelLight:
+    """Light at pixels; None: there is none of this kind."""
+
+    direct_diffuse: moderngl.Texture | None = None  # irradiance / pi
+    direct_glossy: moderngl.Texture | None = None  # reflected radiance
+    gathered: moderngl.Texture | None = None  # mean incoming radiance
+    gathered_emitted: moderngl.Texture | None = None  # what of it comes straight from where it is made
+    reflected: moderngl.Texture | None = None  # radiance
+    reflected_emitted: moderngl.Texture | None = None
+
+
 class Film:
     """Sums in float32, one picture for each output that was asked for."""
 
@@ -44,18 +62,51 @@ class Film:
         self.samples = 0
         self.size = (0, 0)
         self._sums: dict[str, moderngl.Texture] = {}
+        self._value: moderngl.Texture | None = None  # of one output, in this pass
+        self._convergence: Convergence | None = None
+
+    @property
+    def splits_light(self) -> bool:
+        """Whether an output tells light straight from where it is made from light that was passed on."""
+        return any(name in self._sums for name in SPLIT_OUTPUTS)
 
     @property
     def names(self) -> list[str]:
         """Outputs that can be read."""
         return list(self._sums)
 
-    def start(self, size: tuple[int, int], names: Iterable[str]) -> None:
-        """Begin again at zero, with these outputs."""
-        wanted = [name for name in OUTPUTS if name in set(names) | {"combined"}]
+    @property
+    def active_tiles(self) -> ActiveTiles | None:
+        """Tiles that need more passes; None: there is no noise threshold, all do."""
+        return self._convergence.active if self._convergence else None
+
+    @property
+    def is_converged(self) -> bool:
+        """Whether the noise is below the threshold everywhere."""
+        return self._convergence is not None and self._convergence.is_done
+
+    @property
+    def mean_samples(self) -> float:
+        """Passes that a pixel has had, on average."""
+        return float(self._convergence.pixel_counts().mean()) if self._convergence else float(self.samples)
+
+    def start(self, size: tuple[int, int], names: Iterable[str], *, adaptive: bool) -> None:
+        """Begin again at zero, with these outputs. ``adaptive``: there is a noise threshold."""
+        asked = set(names) | {"combined"}
+        if asked & set(DIVIDED_BY_COLOR):
+            asked.add("diffuse_color")
+        wanted = [name for name in OUTPUTS if name in asked]
         if size != self.size or wanted != list(self._sums):
             self.release()
             self._sums = {name: self.gpu.texture("film", size, 4, "f4") for name in wanted}
+            self._value = self.gpu.texture("film", size, 4, "f4")
+        if adaptive and self._convergence is not None:
+            self._convergence.start()
+        elif adaptive:
+            self._convergence = Convergence(self.gpu, size)
+        elif self._convergence is not None:
+            self._convergence.release()
+            self._convergence = None
         zeros = bytes(16 * size[0] * size[1])
         for texture in self._sums.values():
             texture.write(zeros)
@@ -67,49 +118,89 @@ class Film:
         channels, averaged = OUTPUTS[name]
         width, height = self.size
         data = np.frombuffer(self._sums[name].read(), np.float32).reshape(height, width, 4)
-        scale = 1.0 / max(self.samples, 1) if averaged else 1.0
-        return np.ascontiguousarray(data[..., :channels]) * np.float32(scale)
+        result = np.ascontiguousarray(data[..., :channels])
+        if name in DIVIDED_BY_COLOR:
+            color = np.frombuffer(self._sums["diffuse_color"].read(), np.float32).reshape(height, width, 4)[..., :3]
+            return np.divide(result, color, out=np.zeros_like(result), where=color > 0.0)
+        if not averaged:
+            return result
+        if self._convergence is None:
+            return result * np.float32(1.0 / max(self.samples, 1))
+        return result / np.maximum(self._convergence.pixel_counts(), 1).astype(np.float32)[..., None]
 
     def release(self) -> None:
         """Free everything."""
-        self.gpu.free(*self._sums.values())
-        self._sums = {}
+        self.gpu.free(*self._sums.values(), self._value)
+        self._sums, self._value = {}, None
         self.size = (0, 0)
+        if self._convergence is not None:
+            self._convergence.release()
+            self._convergence = None
 
-    def add(
-        self, scene: SceneData, surface: SurfacePictures, direct: LightingPictures | None,
-        indirect: LightingPictures | None, world: WorldLight, camera: CameraRays, offset: tuple[float, float],
-        grid: VoxelGrid, features: Features, settings: Settings,
-    ) -> None:
+    def add(self, frame: Frame, lit: LitVoxels, scene: SceneData, light: PixelLight) -> None:
         """Add one pass to all sums."""
-        slot = interface.slot
-        numbers: dict[str, object] = {f"OUTPUT_{name.upper()}": index for index, name in enumerate(OUTPUTS)}
-        has = {
-            "HAS_DIRECT": direct is not None and direct.diffuse is not None,
-            "HAS_DIFFUSE": indirect is not None and indirect.diffuse is not None,
-            "HAS_GLOSSY": indirect is not None and indirect.glossy is not None,
-            "WORLD_IS_TEXTURE": world.texture is not None,
-        }
-        with self.gpu.timed("compose"):
-            for name, texture in self._sums.items():
-                kernel = self.gpu.kernel("compose", numbers | has | {"OUTPUT": f"OUTPUT_{name.upper()}"})
-                bind_pixels(kernel, surface, camera, offset)
-                surface.emission.use(slot("TEX_EMISSION"))
-                world.bind(kernel)
-                for pictures, kind in ((direct, "DIRECT"), (indirect, "INDIRECT")):
-                    if pictures is not None and pictures.diffuse is not None:
-                        pictures.diffuse.use(slot(f"TEX_{kind}_DIFFUSE"))
-                    if pictures is not None and pictures.glossy is not None:
-                        pictures.glossy.use(slot(f"TEX_{kind}_GLOSSY"))
-                texture.bind_to_image(slot("IMG_0"), read=True, write=True)
-                kernel.set(
-                    direct_amount=settings.direct_amount if settings.use_direct else 0.0,
-                    indirect_amount=settings.indirect_amount if settings.use_indirect else 0.0,
-                    specular_amount=settings.specular_amount if settings.use_specular else 0.0,
-                    exposure=scene.exposure, film_transparent=scene.film_transparent,
-                    camera_forward=tuple(camera.forward), camera_position=tuple(camera.position),
-                    cell_size=grid.cell_size, grid_origin_ws=grid.origin, first_pass=self.samples == 0,
-                )
-                kernel.run_tiles(*self.size)
-            self.gpu.barrier()  # the next pass adds to these sums; read-back reads them
-        self.samples += 1
+        with self.gpu.timed("film"):
+            for name, picture in self._sums.items():
+                if OUTPUTS[name][1]:
+                    self._compose(name, self._value, frame, lit, scene, light)
+                    self._accumulate(name, picture, frame, scene.pixel_filter_width)
+                elif self.samples == 0:
+                    self._compose(name, picture, frame, lit, scene, light)
+            self.samples += 1
+            if self._convergence is not None:
+                self._convergence.add(self.samples, self._sums["combined"], frame.settings.noise_threshold)
+
+    def _compose(
+        self,
+        name: str,
+        target: moderngl.Texture | None,
+        frame: Frame,
+        lit: LitVoxels,
+        scene: SceneData,
+        light: PixelLight,
+    ) -> None:
+        """Put what this pass brings to output ``name`` into ``target``."""
+        assert target is not None
+        slot, camera, settings, grid = interface.slot, frame.camera, frame.settings, lit.voxels.grid
+        defines: dict[str, object] = {f"OUTPUT_{name.upper()}": index for index, name in enumerate(OUTPUTS)}
+        defines |= {f"HAS_{name.upper()}": texture is not None for name, texture in vars(light).items()}
+        defines |= frame.defines | {"WORLD_IS_TEXTURE": lit.world.texture is not None}
+        kernel = self.gpu.kernel("compose", defines | {"OUTPUT": f"OUTPUT_{name.upper()}"})
+        frame.bind(kernel)
+        frame.surface.emission.use(slot("TEX_EMISSION"))
+        lit.world.bind(kernel)
+        for kind, texture in vars(light).items():
+            if texture is not None:
+                texture.use(slot(f"TEX_{kind.upper()}"))
+        target.bind_to_image(slot("IMG_0"), read=False, write=True)
+        kernel.set(
+            direct_amount=settings.direct_amount if settings.use_direct else 0.0,
+            indirect_amount=settings.indirect_amount if settings.use_indirect else 0.0,
+            specular_amount=settings.specular_amount if settings.use_specular else 0.0,
+            exposure=scene.exposure, film_transparent=scene.film_transparent,
+            camera_forward=tuple(camera.forward), camera_position=tuple(camera.position),
+            cell_size=grid.cell_size, grid_origin_ws=grid.origin,
+        )  # fmt: skip
+        kernel.run_tiles(*self.size)
+        self.gpu.barrier()  # read as a texture, or read back
+
+    def _accumulate(self, name: str, total: moderngl.Texture, frame: Frame, filter_width: float) -> None:
+        """Add what ``_compose`` left, filtered."""
+        slot, assembled = interface.slot, self._value
+        assert assembled is not None
+        half = None
+        if name == "combined" and self._convergence is not None and self._convergence.keeps_half(self.samples):
+            half = self._convergence.half
+        kernel = self.gpu.kernel(
+            "film", frame.defines | {"KEEPS_HALF": half is not None, "FILTER_TAPS": 2 * MAX_REACH + 1}
+        )
+        frame.bind_tiles()
+        assembled.use(slot("TEX_VALUE"))
+        total.bind_to_image(slot("IMG_0"), read=True, write=True)
+        if half is not None:
+            half.bind_to_image(slot("IMG_1"), read=True, write=True)
+        reach = filter_reach(filter_width)
+        columns, rows = (filter_weights(place, filter_width) for place in frame.offset)
+        kernel.set(picture_size=self.size, reach=reach, weights_x=columns, weights_y=rows)
+        kernel.run_tiles(*self.size)
+        self.gpu.barrier()  # the next pass adds to it; the next output takes the value's place

@@ -53,6 +53,11 @@ class MaterialSet:
         return any(family.has_transparency for family in self.compiled.families)
 
     @property
+    def least_roughness(self) -> float:
+        """Of everything that is glossy; 0 where it varies, 1 when nothing is glossy."""
+        return min((material.least_roughness for material in self.compiled.materials), default=1.0)
+
+    @property
     def has_specular(self) -> bool:
         return any(family.has_specular for family in self.compiled.families)
 

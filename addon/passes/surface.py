@@ -12,7 +12,8 @@ import numpy as np
 
 from ..camera import CameraRays
 from ..gpu import interface
-from ..gpu.context import GpuContext, Kernel
+from ..gpu.context import GpuContext
+from ..scene import RayVisibility
 from ..settings import Settings
 from .geometry import Geometry
 from .inject import LightTable
@@ -25,7 +26,7 @@ MAX_LAYERS = 256
 
 @dataclass
 class SurfacePictures:
-    """The surface pictures, as lib/pixel.glsl reads them."""
+    """One layer of surfaces, as lib/pixel.glsl reads them. ``rays`` None: it is what the camera sees."""
 
     size: tuple[int, int]
     seen: moderngl.Texture  # r32ui: triangle + 1; 0: none
@@ -35,6 +36,28 @@ class SurfacePictures:
     f0: moderngl.Texture
     f90: moderngl.Texture
     emission: moderngl.Texture
+    rays: moderngl.Texture | None  # rgba32f, two texels a pixel: see lib/ray.glsl
+
+    @classmethod
+    def allocate(cls, gpu: GpuContext, name: str, size: tuple[int, int], *, rays: bool) -> SurfacePictures:
+        def picture(components: int, kind: str, width: int = 1) -> moderngl.Texture:
+            return gpu.texture(name, (width * size[0], size[1]), components, kind)
+
+        return cls(
+            size,
+            seen=picture(1, "u4"),
+            position=picture(4, "f4"),
+            normal=picture(4, "nu2"),
+            diffuse=picture(4, "f2"),
+            f0=picture(4, "f2"),
+            f90=picture(4, "f2"),
+            emission=picture(4, "f4"),
+            rays=picture(4, "f4", 2) if rays else None,
+        )
+
+    @property
+    def ray_defines(self) -> dict[str, object]:
+        return {"RAYS_OF_PIXELS": self.rays is not None}
 
     def bind(self) -> None:
         """Bind for reading."""
@@ -44,6 +67,11 @@ class SurfacePictures:
         self.diffuse.use(slot("TEX_DIFFUSE"))
         self.f0.use(slot("TEX_F0"))
         self.f90.use(slot("TEX_F90"))
+        self.bind_rays()
+
+    def bind_rays(self) -> None:
+        if self.rays is not None:
+            self.rays.bind_to_image(interface.slot("IMG_RAYS"), read=True, write=True)
 
     def bind_images(self) -> None:
         """Bind for writing."""
@@ -52,6 +80,20 @@ class SurfacePictures:
             (self.position, self.normal, self.diffuse, self.f0, self.f90, self.emission), start=1
         ):
             picture.bind_to_image(interface.slot(f"IMG_{unit}"), read=False, write=True)
+        self.bind_rays()
+
+    def release(self, gpu: GpuContext) -> None:
+        gpu.free(self.seen, self.position, self.normal, self.diffuse, self.f0, self.f90, self.emission, self.rays)
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """What can be seen: triangles, the voxels through which they are found, and what they are made of."""
+
+    geometry: Geometry
+    voxels: Voxels
+    materials: MaterialSet
+    material_pass: MaterialPass
 
 
 class SurfacePass:
@@ -75,40 +117,48 @@ class SurfacePass:
         self.release()
         gpu = self.gpu
         name = "surface pictures"
-        formats = ((1, "u4"), (4, "f4"), (4, "nu2"), (4, "f2"), (4, "f2"), (4, "f2"), (4, "f4"))
-        pictures = [gpu.texture(name, size, components, kind) for components, kind in formats]
+        self.pictures = SurfacePictures.allocate(gpu, name, size, rays=False)
         depth = gpu.adopt(name, gpu.mgl.depth_renderbuffer(size), 4 * size[0] * size[1])
-        self._framebuffer = gpu.adopt(name, gpu.mgl.framebuffer([pictures[0]], depth), 0)
+        self._framebuffer = gpu.adopt(name, gpu.mgl.framebuffer([self.pictures.seen], depth), 0)
         self._depth = gpu.adopt(name, gpu.mgl.framebuffer([], depth), 0)
         self._pixels = gpu.buffer("pixel lists", size=4 * size[0] * size[1])
         self._bins = gpu.buffer("pixel lists", size=20 * max(batches, 1))
         self._counters = gpu.buffer("pixel lists", size=4 * max(batches, 4))
-        self._owned = [self._framebuffer, self._depth, depth, *pictures, self._pixels, self._bins, self._counters]
-        self.pictures = SurfacePictures(size, *pictures)
+        self._owned = [self._framebuffer, self._depth, depth, self._pixels, self._bins, self._counters]
         self._batches = batches
         return self.pictures
 
     def run(
         self,
-        geometry: Geometry,
-        voxels: Voxels | None,
-        materials: MaterialSet,
-        material_pass: MaterialPass,
+        surfaces: Surfaces,
         camera: CameraRays,
         offset: tuple[float, float],
         sample: int,
         settings: Settings,
     ) -> Iterator[float]:
         """Fill ``pictures`` for one pass that samples pixels at ``offset``. Yields the share done."""
+        assert self.pictures is not None
         with self.gpu.timed("visibility"):
-            self._rasterize(geometry, camera, offset)
-        with self.gpu.timed("surface"):
-            seed = (settings.seed * 0x9E3779B1 + sample * MAX_LAYERS) & 0xFFFFFFFF
-            if geometry.triangle_count:
-                self._evaluate(geometry, materials, material_pass, camera, offset, seed, pending=False)
+            self._rasterize(surfaces.geometry, camera, offset)
+        yield from self.shade(surfaces, self.pictures, camera, offset, sample, settings)
+
+    def shade(
+        self,
+        surfaces: Surfaces,
+        pictures: SurfacePictures,
+        camera: CameraRays,
+        offset: tuple[float, float],
+        sample: int,
+        settings: Settings,
+    ) -> Iterator[float]:
+        """Fill ``pictures`` where ``seen`` says which triangle their rays meet first. Yields the share done."""
+        seed = (settings.seed * 0x9E3779B1 + sample * MAX_LAYERS) & 0xFFFFFFFF
+        if surfaces.geometry.triangle_count:
+            with self.gpu.timed("surface"):
+                self._evaluate(surfaces, pictures, camera, offset, seed, pending=False)
         yield 0.5
-        if materials.has_transparency and voxels is not None and geometry.triangle_count:
-            yield from self._look_through(geometry, voxels, materials, material_pass, camera, offset, seed)
+        if surfaces.materials.has_transparency and surfaces.geometry.triangle_count:
+            yield from self._look_through(surfaces, pictures, camera, offset, seed)
         yield 1.0
 
     def _rasterize(self, geometry: Geometry, camera: CameraRays, offset: tuple[float, float]) -> None:
@@ -150,9 +200,8 @@ class SurfacePass:
 
     def _evaluate(
         self,
-        geometry: Geometry,
-        materials: MaterialSet,
-        material_pass: MaterialPass,
+        surfaces: Surfaces,
+        pictures: SurfacePictures,
         camera: CameraRays,
         offset: tuple[float, float],
         seed: int,
@@ -161,14 +210,15 @@ class SurfacePass:
         last: bool = False,
     ) -> None:
         gpu, slot = self.gpu, interface.slot
-        pictures = self.pictures
-        assert pictures is not None and self._bins is not None and self._pixels is not None
-        self._bin(geometry, materials, pending=pending)
+        materials, material_pass = surfaces.materials, surfaces.material_pass
+        assert self._bins is not None and self._pixels is not None
+        self._bin(surfaces, pictures, pending=pending)
         for index, batch in enumerate(materials.batches):
             family = materials.compiled.families[batch.family]
             kernel = gpu.kernel(
                 "surface",
                 material_pass.defines(batch)
+                | pictures.ray_defines
                 | {
                     "HAS_OPACITY": family.has_transparency,
                     "IS_LAYERED": materials.has_transparency,
@@ -179,7 +229,7 @@ class SurfacePass:
             pictures.bind_images()
             self._pixels.bind_to_storage_buffer(slot("BUF_WORK"))
             self._bins.bind_to_storage_buffer(slot("BUF_SUMS"))
-            geometry.bind(kernel)
+            surfaces.geometry.bind(kernel)
             material_pass.bind(batch, kernel)
             kernel.set(batch=index, random_seed=seed, **camera.uniforms(offset))
             if family.has_transparency:
@@ -188,17 +238,14 @@ class SurfacePass:
             material_pass.unbind(batch)
         gpu.barrier()  # lighting reads the pictures as textures
 
-    def _bin(self, geometry: Geometry, materials: MaterialSet, *, pending: bool) -> None:
-        gpu, slot = self.gpu, interface.slot
-        pictures = self.pictures
-        assert (
-            pictures is not None and self._bins is not None and self._pixels is not None and self._counters is not None
-        )
+    def _bin(self, surfaces: Surfaces, pictures: SurfacePictures, *, pending: bool) -> None:
+        gpu, slot, materials = self.gpu, interface.slot, surfaces.materials
+        assert self._bins is not None and self._pixels is not None and self._counters is not None
         self._counters.clear()
         for step in (0, 1, 2):
             kernel = gpu.kernel("pixel_bins", {"STEP": step})
             kernel.set(picture_size=pictures.size, batch_count=len(materials.batches), pending_only=pending)
-            geometry.triangles.use(slot("TEX_TRIANGLES"))
+            surfaces.geometry.triangles.use(slot("TEX_TRIANGLES"))
             materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
             self._counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
             self._bins.bind_to_storage_buffer(slot("BUF_SUMS"))
@@ -212,39 +259,32 @@ class SurfacePass:
 
     def _look_through(
         self,
-        geometry: Geometry,
-        voxels: Voxels,
-        materials: MaterialSet,
-        material_pass: MaterialPass,
+        surfaces: Surfaces,
+        pictures: SurfacePictures,
         camera: CameraRays,
         offset: tuple[float, float],
         seed: int,
     ) -> Iterator[float]:
         for layer in range(1, MAX_LAYERS):
             with self.gpu.timed("surface"):
-                if not self._advance(voxels, camera, offset):
+                if not self._advance(surfaces.voxels, pictures, camera, offset):
                     return
-                self._evaluate(
-                    geometry,
-                    materials,
-                    material_pass,
-                    camera,
-                    offset,
-                    seed + layer,
-                    pending=True,
-                    last=layer == MAX_LAYERS - 1,
-                )
+                last = layer == MAX_LAYERS - 1
+                self._evaluate(surfaces, pictures, camera, offset, (seed + layer) & 0xFFFFFFFF, pending=True, last=last)
             yield 0.5 + 0.5 * layer / MAX_LAYERS
 
-    def _advance(self, voxels: Voxels, camera: CameraRays, offset: tuple[float, float]) -> bool:
+    def _advance(
+        self, voxels: Voxels, pictures: SurfacePictures, camera: CameraRays, offset: tuple[float, float]
+    ) -> bool:
         """Find what lies behind the surfaces that this pass looks through; whether there is anything."""
         gpu, slot = self.gpu, interface.slot
-        pictures = self.pictures
-        assert pictures is not None and self._counters is not None
-        kernel = gpu.kernel("advance", {"HAS_OPACITY": False})
+        assert self._counters is not None
+        kernel = gpu.kernel("advance", pictures.ray_defines | {"HAS_OPACITY": False})
         self._counters.clear()
         voxels.bind(kernel)
-        kernel.set(**camera.uniforms(offset))
+        rays = RayVisibility.CAMERA if pictures.rays is None else RayVisibility.GLOSSY
+        kernel.set(ray_mask=int(rays), **camera.uniforms(offset))
+        pictures.bind_rays()
         pictures.position.use(slot("TEX_POSITION"))
         pictures.seen.bind_to_image(slot("IMG_0"), read=True, write=True)
         pictures.position.bind_to_image(slot("IMG_1"), read=False, write=True)
@@ -276,11 +316,7 @@ class SurfacePass:
             self._framebuffer = self._depth = None
         self.gpu.free(*self._owned)
         self._owned = []
-        self.pictures = None
+        if self.pictures is not None:
+            self.pictures.release(self.gpu)
+            self.pictures = None
         self._batches = 0
-
-
-def bind_pixels(kernel: Kernel, pictures: SurfacePictures, camera: CameraRays, offset: tuple[float, float]) -> None:
-    """What every pass over pixels needs."""
-    pictures.bind()
-    kernel.set(**camera.uniforms(offset))

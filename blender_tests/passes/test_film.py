@@ -37,8 +37,7 @@ PASSES = tuple(OUTPUTS)
 def test_passes_add_up(amounts: dict[str, float], exposure: float, gpu: GpuContext) -> None:
     """(diffuse direct + diffuse indirect) * colour + glossy direct + glossy indirect + emission + environment."""
     made = dataclasses.replace(glossy_room(), exposure=exposure)
-    # One pass: a mean of products is the product of the means only within one.
-    with pipeline(gpu, made, scenes.settings(24, bounces=2, **amounts), (40, 30), samples=1, outputs=PASSES) as ready:
+    with pipeline(gpu, made, scenes.settings(24, bounces=2, **amounts), (40, 30), samples=3, outputs=PASSES) as ready:
         found = {name: ready.film.read(name) for name in PASSES}
     total = (found["diffuse_direct"] + found["diffuse_indirect"]) * found["diffuse_color"]
     total = total + found["glossy_direct"] + found["glossy_indirect"] + found["emission"] + found["environment"]

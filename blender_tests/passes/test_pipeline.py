@@ -194,14 +194,17 @@ def report(gpu: GpuContext, made: SceneData, settings: Settings) -> tuple[Featur
 def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
     """No texture, emission, gloss, transparency or world: written by hand."""
     features, passes, programs, memory = report(gpu, scenes.cornell(), scenes.settings(16, bounces=2))
-    assert features.names == ["geometry", "lights", "diffuse_gather", "direct", "visible_lights", "radiance", "bounces"]
+    assert features.names == [
+        "geometry", "lights", "diffuse_gather", "reconstruction", "direct", "visible_lights", "radiance", "bounces",
+    ]  # fmt: skip
     assert set(passes) - {"compile"} == {
         "materials", "geometry", "voxelize", "inject", "link", "bounce", "visibility", "surface", "light shapes",
-        "direct", "gather", "compose",
+        "direct", "gather", "reconstruct", "film",
     }  # fmt: skip
     assert programs == {
         "clear", "transform", "work", "voxel_mark", "voxel_pairs", "voxel_accumulate", "voxel_resolve",
-        "inject", "link", "bounce", "pixel_bins", "surface", "light_shapes", "direct", "gather", "compose",
+        "inject", "link", "bounce", "pixel_bins", "surface", "light_shapes", "direct", "gather",
+        "reconstruct", "compose", "film",
     }  # fmt: skip
     for absent in (
         "face emission",
@@ -218,7 +221,7 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
 def test_empty_scene_needs_only_this(gpu: GpuContext) -> None:
     features, passes, programs, memory = report(gpu, scenes.scene(), scenes.settings(16))
     assert features.names == []
-    assert programs <= {"clear", "work", "voxel_mark", "voxel_pairs", "voxel_resolve", "compose"}
+    assert programs <= {"clear", "work", "voxel_mark", "voxel_pairs", "voxel_resolve", "compose", "film"}
     assert "direct light" not in memory and "indirect light" not in memory and "face radiance" not in memory
     assert "link" not in passes and "gather" not in passes and "bounce" not in passes
 

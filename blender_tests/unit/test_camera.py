@@ -8,7 +8,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from addon.camera import CameraRays, pixel_offset
+from addon.camera import MAX_REACH, CameraRays, filter_reach, filter_weights, pixel_offset
 from addon.grid import VoxelGrid
 from addon.scene import CameraData
 from blender_tests.passes import scenes
@@ -69,14 +69,32 @@ def test_uniforms(name: str) -> None:
     assert all(len(uniforms[key]) == 3 for key in uniforms if key.startswith("ray_"))
 
 
-def test_offsets_follow_the_filter() -> None:
-    """Blackman-Harris window, zero at its width from the middle: centred, with its variance."""
-    width = 1.5
-    offsets = np.array([pixel_offset(k, width) for k in range(4096)]) - 0.5
-    assert np.abs(offsets).max() <= width
-    np.testing.assert_allclose(offsets.mean(axis=0), 0.0, atol=2e-3)
+def test_offsets_fill_the_pixel() -> None:
+    """Evenly, and the mean of any odd number of them is the middle."""
+    offsets = np.array([pixel_offset(k, 1.5) for k in range(4095)]) - 0.5
+    assert np.abs(offsets).max() <= 0.5
+    np.testing.assert_allclose(offsets.var(axis=0), 1.0 / 12.0, rtol=0.01)
+    for count in (1, 3, 5, 17):
+        np.testing.assert_allclose(offsets[:count].mean(axis=0), 0.0, atol=1e-12)
+    assert pixel_offset(7, 0.0) == (0.5, 0.5)
+    assert np.abs(np.array([pixel_offset(k, 0.1) for k in range(64)]) - 0.5).max() <= 0.1
+
+
+@pytest.mark.parametrize("width", [1.0, 1.5, 4.0])
+def test_filter_is_the_window(width: float) -> None:
+    """All passes together weigh samples by the Blackman-Harris window: its variance, which a wrong width would miss."""
+    variance, total = 0.0, 0.0
+    for place in (np.arange(200) + 0.5) / 200:
+        reach = filter_reach(width)
+        weights = np.array(filter_weights(place, width))[: 2 * reach + 1]
+        weights = weights / weights.sum()  # each pass counts as one
+        away = np.arange(-reach, reach + 1) + place - 0.5
+        variance, total = variance + (weights * away**2).sum(), total + weights.sum()
     x = np.linspace(-1.0, 1.0, 20001)
     window = sum(a * np.cos(np.pi * k * x) for k, a in enumerate((0.35875, 0.48829, 0.14128, 0.01168)))
-    variance = (window * x**2).sum() / window.sum() * width**2
-    np.testing.assert_allclose(offsets.var(axis=0), variance, rtol=0.01)
-    assert pixel_offset(7, 0.0) == (0.5, 0.5)
+    np.testing.assert_allclose(variance / total, (window * x**2).sum() / window.sum() * width**2, rtol=0.05)
+
+
+def test_a_narrow_filter_takes_its_own_pixel() -> None:
+    assert filter_reach(0.3) == 0 and filter_weights(0.4, 0.3)[:2] == [1.0, 0.0]
+    assert len(filter_weights(0.5, 10.0)) == 2 * MAX_REACH + 1

@@ -49,6 +49,14 @@ vec3 ggx_reflection(vec3 n, vec3 view, vec3 light, float alpha, vec3 f0, vec3 f9
     return fresnel(f0, f90, dot(view, h)) * specular;
 }
 
+// How many directions for each steradian sample_visible_normal (lib/sampling.glsl) sends towards `light`.
+float ggx_density(vec3 n, vec3 view, vec3 light, float alpha)
+{
+    float n_v = max(abs(dot(n, view)), 1e-4);
+    float n_h = clamp(dot(n, normalize(view + light)), 0.0, 1.0);
+    return ggx_distribution(n_h, alpha) * ggx_masking_view(n_v, alpha) / (4.0 * n_v);
+}
+
 // The normal nearest to n whose mirror direction stays above the surface: with interpolated normals it can lie below, and
 // the reflection would be black. As Cycles' ensure_valid_specular_reflection: in the plane of the geometric normal g (z)
 // and n, a normal (x, z) sends view (vx, vz) to height 2 (x vx + z vz) z - vz; it shall be `lowest`, which is a quadratic

@@ -180,9 +180,28 @@ vec3 light_along_ray(Light light, vec3 origin, vec3 direction, out float distanc
     return distance > 0.0 ? light.radiance * share : vec3(0.0);
 }
 
-// Half the angle of the cone that holds about half of a GGX lobe: 2 atan(alpha). Lights that look larger than it are
-// found by glossy rays, smaller ones by points on the light.
-float glossy_half_angle(float alpha)
+// How many points for each steradian sample_light sends along a direction in which the light is seen, `distance` away.
+// Without bound for lights that rays cannot meet.
+float light_density(Light light, vec3 position, vec3 direction, float distance)
 {
-    return 2.0 * atan(alpha);
+    if (light.radius_grid <= 0.0) {
+        return 1e30;
+    }
+    if (light.kind == LIGHT_SUN) {
+        float sine2 = light.radius_grid * light.radius_grid;
+        return max(dot(direction, light.axis_z), 1e-3) / (PI * sine2);
+    }
+    if (light.kind == LIGHT_AREA) {
+        float area = 4.0 * light.half_width_grid * light.half_height_grid *
+                     ((light.flags & LIGHT_IS_ELLIPSE) != 0u ? 0.25 * PI : 1.0);
+        return distance * distance / max(area * dot(direction, light.axis_z), 1e-12);
+    }
+    vec3 to_light = light.position_grid - position;
+    float squared = max(dot(to_light, to_light), 1e-12);
+    float radius2 = light.radius_grid * light.radius_grid;
+    float sine2 = radius2 / squared;
+    if ((light.flags & LIGHT_IS_SPHERE) != 0u && sine2 < 1.0) {
+        return (1.0 + sqrt(1.0 - sine2)) / (2.0 * PI * sine2);
+    }
+    return distance * distance / max(PI * radius2 * dot(direction, to_light) * inversesqrt(squared), 1e-12);
 }

@@ -2,6 +2,7 @@
 // The surface seen at a pixel, as pass `surface` left it.
 
 #include "lib/common.glsl"
+#include "lib/tiles.glsl"
 
 layout(binding = TEX_POSITION) uniform sampler2D position_tex;
 layout(binding = TEX_NORMAL) uniform sampler2D normal_tex;

@@ -6,11 +6,44 @@
 // Point `index` of the R2 sequence, shifted by a random amount that `seed` decides (Cranley-Patterson rotation).
 // Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences": powers of 1 / plastic number; in integers,
 // so that no precision is lost however far the sequence goes.
+vec2 sample_2d(uint index, uvec2 shift)
+{
+    uvec2 point = shift + index * uvec2(3242174889u, 2447445414u);
+    return vec2(unit_float(point.x), unit_float(point.y));
+}
+
 vec2 sample_2d(uint index, uint seed)
 {
     uint a = hash(seed);
-    uvec2 point = uvec2(a, hash(a)) + index * uvec2(3242174889u, 2447445414u);
-    return vec2(unit_float(point.x), unit_float(point.y));
+    return sample_2d(index, uvec2(a, hash(a)));
+}
+
+// Shifts that make neighbouring pixels share the unit square evenly: in each aligned block of 2^k x 2^k pixels they are a
+// (0, 2k, 2)-net. The pixels' order along the Z curve, shuffled block by block, numbers points of the Sobol sequence.
+// Ahmed and Wonka 2020, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of
+// Pixels"; the shuffle is an Owen scrambling by hash: Laine and Karras 2011, "Stratified Sampling for Stochastic
+// Transparency".
+uvec2 pixel_shift(ivec2 pixel, uint seed)
+{
+    uvec2 v = uvec2(pixel) & 0xFFFFu;  // spread the bits: z-order number
+    v = (v | v << 8) & 0x00FF00FFu;
+    v = (v | v << 4) & 0x0F0F0F0Fu;
+    v = (v | v << 2) & 0x33333333u;
+    v = (v | v << 1) & 0x55555555u;
+    // Scrambled from the highest bit down, and reversed: the radical inverse of the place in the shuffled order.
+    uint x = bitfieldReverse(v.x | v.y << 1);
+    x += hash(seed);
+    x ^= x * 0x6C50B47Cu;
+    x ^= x * 0xB82F1E52u;
+    x ^= x * 0xC7AFE638u;
+    x ^= x * 0x8D22F6E6u;
+    uint y = x;  // the second coordinate of the Sobol sequence, in closed form
+    y ^= (y & 0x0000FFFFu) << 16;
+    y ^= (y & 0x00FF00FFu) << 8;
+    y ^= (y & 0x0F0F0F0Fu) << 4;
+    y ^= (y & 0x33333333u) << 2;
+    y ^= (y & 0x55555555u) << 1;
+    return uvec2(x, y) ^ uvec2(hash(seed + 1u), hash(seed + 2u));
 }
 
 // Cosine-distributed direction around unit n: pdf = cos / pi.
@@ -29,6 +62,14 @@ vec2 sample_disk(vec2 u)
     float r = sqrt(u.x);
     float phi = 2.0 * PI * u.y;
     return vec2(r * cos(phi), r * sin(phi));
+}
+
+// Weight of a sample of one way to find light, by how many samples for each steradian it and the other way send there.
+// Veach and Guibas 1995, "Optimally Combining Sampling Techniques": the power heuristic.
+float mis_weight(float own, float other)
+{
+    float ratio = other / max(own, 1e-30);
+    return 1.0 / (1.0 + ratio * ratio);
 }
 
 // Visible normal of the GGX distribution, in the frame where the surface's normal is z.

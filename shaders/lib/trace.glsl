@@ -21,6 +21,11 @@ struct Hit {
     vec3 normal;      // unit, geometric, turned against the ray
 };
 
+#if HAS_OPACITY
+// Nearer than this (cells) a ray meets partly transparent surfaces for certain: whoever shades the hit asks the material.
+float solid_distance = 0.0;
+#endif
+
 const float RAY_START = 1e-3;  // cells: how far along the normal a ray starts above the surface it leaves
 
 // The first triangle that the ray meets (or, with `any_hit`, any) among those that rays of kind `ray_mask` see.
@@ -102,7 +107,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
             // Equal distances go to the lower index: the order of a cell's list must not show.
             met = met && (w < hit.distance || (w == hit.distance && index < hit.triangle));
 #if HAS_OPACITY
-            if (met) {
+            if (met && w >= solid_distance) {
                 float opacity = texelFetch(cell_opacities_tex, list_texel(next), 0).r;
                 // One decision for a triangle and a ray, whichever cell asks.
                 met = opacity >= 1.0 || unit_float(hash(seed, index)) < opacity;

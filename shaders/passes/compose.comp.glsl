@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Add one pass to one of the film's sums. OUTPUT says which; see passes/compose.py.
-// Input: surface pictures, direct and indirect light.    Output: sum_img (sum over passes; w: alpha).
+// What this pass brings to one of the film's pictures. OUTPUT says to which; see passes/compose.py.
+// Input: surface pictures, direct and indirect light.    Output: value_img (w: alpha).
 
 #include "lib/pixel.glsl"
 #include "lib/camera.glsl"
@@ -9,11 +9,25 @@
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 
 layout(binding = TEX_EMISSION) uniform sampler2D emission_tex;
+#if HAS_DIRECT_DIFFUSE
 layout(binding = TEX_DIRECT_DIFFUSE) uniform sampler2D direct_diffuse_tex;
+#endif
+#if HAS_DIRECT_GLOSSY
 layout(binding = TEX_DIRECT_GLOSSY) uniform sampler2D direct_glossy_tex;
-layout(binding = TEX_INDIRECT_DIFFUSE) uniform sampler2D indirect_diffuse_tex;
-layout(binding = TEX_INDIRECT_GLOSSY) uniform sampler2D indirect_glossy_tex;
-layout(binding = IMG_0, rgba32f) uniform image2D sum_img;
+#endif
+#if HAS_GATHERED
+layout(binding = TEX_GATHERED) uniform sampler2D gathered_tex;
+#endif
+#if HAS_GATHERED_EMITTED
+layout(binding = TEX_GATHERED_EMITTED) uniform sampler2D gathered_emitted_tex;
+#endif
+#if HAS_REFLECTED
+layout(binding = TEX_REFLECTED) uniform sampler2D reflected_tex;
+#endif
+#if HAS_REFLECTED_EMITTED
+layout(binding = TEX_REFLECTED_EMITTED) uniform sampler2D reflected_emitted_tex;
+#endif
+layout(binding = IMG_0, rgba32f) writeonly uniform image2D value_img;
 
 uniform float direct_amount;
 uniform float indirect_amount;
@@ -24,9 +38,70 @@ uniform vec3 camera_forward;   // unit, grid space
 uniform vec3 camera_position;  // grid space
 uniform float cell_size;
 uniform vec3 grid_origin_ws;
-uniform bool first_pass;       // depth, normal and position are those of the first pass
 
-vec4 composed(ivec2 at, vec4 before)
+// Diffuse: irradiance / pi. Direct: from lights, and what rays bring straight from where light is
+// made; indirect: what surfaces pass on. Cycles divides its passes so.
+
+vec3 emitted_diffuse(ivec2 at)
+{
+#if HAS_GATHERED_EMITTED
+    return indirect_amount * texelFetch(gathered_emitted_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec3 emitted_glossy(ivec2 at)
+{
+#if HAS_REFLECTED_EMITTED
+    return specular_amount * texelFetch(reflected_emitted_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec3 from_lights_diffuse(ivec2 at)
+{
+#if HAS_DIRECT_DIFFUSE
+    return direct_amount * texelFetch(direct_diffuse_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec3 from_lights_glossy(ivec2 at)
+{
+#if HAS_DIRECT_GLOSSY
+    return specular_amount * direct_amount * texelFetch(direct_glossy_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec3 gathered_diffuse(ivec2 at)
+{
+#if HAS_GATHERED
+    return indirect_amount * texelFetch(gathered_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec3 gathered_glossy(ivec2 at)
+{
+#if HAS_REFLECTED
+    return specular_amount * texelFetch(reflected_tex, at, 0).rgb;
+#else
+    return vec3(0.0);
+#endif
+}
+
+vec4 of_surface(bool is_surface, vec3 radiance)
+{
+    return is_surface ? vec4(radiance * exposure, 1.0) : vec4(0.0);
+}
+
+vec4 composed(ivec2 at)
 {
     vec4 position = texelFetch(position_tex, at, 0);
     bool is_surface = position.w == 1.0;
@@ -38,67 +113,48 @@ vec4 composed(ivec2 at, vec4 before)
 
 #if OUTPUT == OUTPUT_COMBINED
     if (holdout) {
-        return before;
+        return vec4(0.0);
     }
     if (position.w == 0.0) {
-        return before + (film_transparent ? vec4(0.0) : vec4(world_along(direction) * exposure, 1.0));
+        return (film_transparent ? vec4(0.0) : vec4(world_along(direction) * exposure, 1.0));
     }
-    vec3 radiance = emission;
-#if HAS_DIRECT
-    radiance += direct_amount * p.diffuse * texelFetch(direct_diffuse_tex, at, 0).rgb;
-#endif
-#if HAS_DIFFUSE
-    radiance += indirect_amount * p.diffuse * texelFetch(indirect_diffuse_tex, at, 0).rgb;
-#endif
-#if HAS_GLOSSY
-#if HAS_DIRECT
-    radiance += specular_amount * direct_amount * texelFetch(direct_glossy_tex, at, 0).rgb;
-#endif
-    radiance += specular_amount * texelFetch(indirect_glossy_tex, at, 0).rgb;
-#endif
-    return before + vec4(radiance * exposure, 1.0);
+    vec3 diffuse = from_lights_diffuse(at) + gathered_diffuse(at);
+    vec3 glossy = from_lights_glossy(at) + gathered_glossy(at);
+    return vec4((emission + p.diffuse * diffuse + glossy) * exposure, 1.0);
 #elif OUTPUT == OUTPUT_DIFFUSE_DIRECT
-#if HAS_DIRECT
-    return before + (is_surface ? vec4(direct_amount * texelFetch(direct_diffuse_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
-#endif
+    return of_surface(is_surface, p.diffuse * (from_lights_diffuse(at) + emitted_diffuse(at)));
 #elif OUTPUT == OUTPUT_DIFFUSE_INDIRECT
-#if HAS_DIFFUSE
-    return before + (is_surface ? vec4(indirect_amount * texelFetch(indirect_diffuse_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
-#endif
-#elif OUTPUT == OUTPUT_DIFFUSE_COLOR
-    return before + (is_surface ? vec4(p.diffuse, 1.0) : vec4(0.0));
+    return of_surface(is_surface, p.diffuse * (gathered_diffuse(at) - emitted_diffuse(at)));
 #elif OUTPUT == OUTPUT_GLOSSY_DIRECT
-#if HAS_GLOSSY && HAS_DIRECT
-    return before + (is_surface ? vec4(specular_amount * direct_amount * texelFetch(direct_glossy_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
-#endif
+    return of_surface(is_surface, from_lights_glossy(at) + emitted_glossy(at));
 #elif OUTPUT == OUTPUT_GLOSSY_INDIRECT
-#if HAS_GLOSSY
-    return before + (is_surface ? vec4(specular_amount * texelFetch(indirect_glossy_tex, at, 0).rgb * exposure, 1.0) : vec4(0.0));
-#endif
+    return of_surface(is_surface, gathered_glossy(at) - emitted_glossy(at));
+#elif OUTPUT == OUTPUT_DIFFUSE_COLOR
+    return (is_surface ? vec4(p.diffuse, 1.0) : vec4(0.0));
 #elif OUTPUT == OUTPUT_GLOSSY_COLOR
-    return before + (is_surface ? vec4(1.0) : vec4(0.0));
+    return (is_surface ? vec4(1.0) : vec4(0.0));
 #elif OUTPUT == OUTPUT_EMISSION
-    return before + vec4(emission * exposure, 1.0);
+    return vec4(emission * exposure, 1.0);
 #elif OUTPUT == OUTPUT_ENVIRONMENT
-    return before + (position.w == 0.0 ? vec4(world_along(direction) * exposure, 1.0) : vec4(0.0));
+    return (position.w == 0.0 ? vec4(world_along(direction) * exposure, 1.0) : vec4(0.0));
 #elif OUTPUT == OUTPUT_DEPTH
     float depth = dot(position.xyz - camera_position, camera_forward) * cell_size;
-    return first_pass ? vec4(position.w > 0.0 ? depth : 1e10) : before;
+    return vec4(position.w > 0.0 ? depth : 1e10);
 #elif OUTPUT == OUTPUT_NORMAL
-    return first_pass ? vec4(is_surface ? p.normal : vec3(0.0), 1.0) : before;
+    return vec4(is_surface ? p.normal : vec3(0.0), 1.0);
 #elif OUTPUT == OUTPUT_POSITION
-    return first_pass ? vec4(is_surface ? position.xyz * cell_size + grid_origin_ws : vec3(0.0), 1.0) : before;
+    return vec4(is_surface ? position.xyz * cell_size + grid_origin_ws : vec3(0.0), 1.0);
 #else
 #error "OUTPUT is not one of the film's passes"
 #endif
-    return before;
 }
 
 void main()
 {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
-    if (all(lessThan(at, picture_size))) {
-        vec4 sum = composed(at, imageLoad(sum_img, at));
-        imageStore(sum_img, at, vec4(finite_or_zero(sum.rgb), sum.a));
+    if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
+        return;
     }
+    vec4 value = composed(at);
+    imageStore(value_img, at, vec4(finite_or_zero(value.rgb), value.a));
 }

@@ -6,7 +6,7 @@
 #include "lib/trace.glsl"
 #include "lib/light.glsl"
 #include "lib/pixel.glsl"
-#include "lib/camera.glsl"
+#include "lib/ray.glsl"
 #if HAS_GLOSSY
 #include "lib/ggx.glsl"
 #endif
@@ -27,19 +27,21 @@ uniform uint random_seed;
 uniform bool use_shadows;
 uniform float shadow_amount;
 uniform float shadow_cone_angle;
+#if HAS_GLOSSY
+uniform float specular_aperture;
+#endif
 
 void main()
 {
     ivec2 at = tile_first + ivec2(gl_GlobalInvocationID.xy);
-    if (any(greaterThanEqual(at, picture_size))) {
+    if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
     vec3 diffuse = vec3(0.0);
     vec3 glossy = vec3(0.0);
     Pixel p = fetch_pixel(at);
     if (p.is_surface) {
-        vec3 camera_origin, direction;
-        camera_ray(at, camera_origin, direction);
+        vec3 direction = pixel_ray(at).direction;
         vec3 origin = p.position + p.geometric_normal * RAY_START;
 #if HAS_GLOSSY
         vec3 glossy_normal = valid_reflection_normal(p.geometric_normal, -direction, p.normal);
@@ -56,9 +58,12 @@ void main()
             vec3 on_diffuse = (light.flags & RAY_DIFFUSE) != 0u ? s.irradiance * max(cosine, 0.0) / PI : vec3(0.0);
             vec3 on_glossy = vec3(0.0);
 #if HAS_GLOSSY
-            // Small lights are found here, lights wider than the lobe by the glossy ray of the gather.
-            if ((light.flags & RAY_GLOSSY) != 0u && light_half_angle(light, origin) <= glossy_half_angle(p.alpha)) {
-                on_glossy = s.irradiance * ggx_reflection(glossy_normal, -direction, s.direction, p.alpha, p.f0, p.f90);
+            // Rays of pass `reflect` look for the light too.
+            if ((light.flags & RAY_GLOSSY) != 0u) {
+                float rays = ggx_density(glossy_normal, -direction, s.direction, max(p.alpha * specular_aperture, 1e-4));
+                float points = light_density(light, origin, s.direction, s.distance);
+                on_glossy = s.irradiance * ggx_reflection(glossy_normal, -direction, s.direction, p.alpha, p.f0, p.f90) *
+                            mis_weight(points, rays);
             }
 #endif
             if (max_component(on_diffuse + on_glossy) <= 0.0) {

@@ -6,7 +6,7 @@
 // Input: pixel list, seen_img, triangles, materials.    Output: the surface pictures.
 
 #include "lib/geometry.glsl"
-#include "lib/camera.glsl"
+#include "lib/ray.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
@@ -39,16 +39,15 @@ void main()
     uint triangle_index = (imageLoad(seen_img, pixel).r & ~PENDING) - 1u;
     Triangle t = fetch_triangle(triangle_index);
 
-    vec3 origin, direction;
-    camera_ray(pixel, origin, direction);
+    Ray ray = pixel_ray(pixel);
     vec2 barycentric;
     float distance;
-    intersect_plane(t, origin, direction, barycentric, distance);
+    intersect_plane(t, ray.origin, ray.direction, barycentric, distance);
     barycentric = clamp(barycentric, 0.0, 1.0);
     barycentric /= max(1.0, barycentric.x + barycentric.y);
     vec3 position = t.corner + t.edge_1 * barycentric.x + t.edge_2 * barycentric.y;
-    float footprint = pixel_footprint(length(position - origin), direction);
-    ShadingPoint point = shading_point(t, barycentric, -direction, footprint);
+    float footprint = ray.width + ray.spread * length(position - ray.origin);
+    ShadingPoint point = shading_point(t, barycentric, -ray.direction, footprint);
     Surface s = surface_at(t, point);
 
     float opacity = 1.0;

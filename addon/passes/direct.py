@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Light that comes to pixels straight from lights, with shadows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import moderngl
+
+from ..gpu import interface
+from ..gpu.context import GpuContext
+from .frame import Frame, LitVoxels, run_tiles
+
+
+class DirectPass:
+    """Owns irradiance / pi and reflected radiance at each pixel; the second only where something is glossy."""
+
+    def __init__(self, gpu: GpuContext) -> None:
+        self.gpu = gpu
+        self.diffuse: moderngl.Texture | None = None
+        self.glossy: moderngl.Texture | None = None
+        self._key: tuple = ()
+
+    def allocate(self, size: tuple[int, int], *, glossy: bool) -> None:
+        """Make the pictures; kept when nothing changed."""
+        if self._key == (size, glossy):
+            return
+        self.release()
+        self.diffuse = self.gpu.texture("direct light", size, 4, "f4")
+        self.glossy = self.gpu.texture("direct light", size, 4, "f4") if glossy else None
+        self._key = (size, glossy)
+
+    def run(self, frame: Frame, lit: LitVoxels) -> Iterator[float]:
+        """Yields the share done."""
+        features, settings, lights = frame.features, frame.settings, lit.lights
+        self.allocate(frame.size, glossy=features.has_glossy)
+        kernel = self.gpu.kernel(
+            "direct",
+            frame.defines
+            | lit.voxels.trace_defines
+            | lights.defines(settings)
+            | {"HAS_GLOSSY": features.has_glossy, "SHADOW_CONES": features.shadow_cones},
+        )
+
+        def bind() -> None:
+            lit.bind(kernel)
+            frame.bind(kernel)
+            lights.bind(kernel, settings)
+            assert self.diffuse is not None
+            self.diffuse.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
+            if self.glossy is not None:
+                self.glossy.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
+            kernel.set(
+                sample_index=frame.index,
+                random_seed=settings.seed,
+                use_shadows=settings.use_shadows,
+                shadow_amount=settings.shadow_amount,
+            )
+            if features.has_glossy:
+                kernel.set(specular_aperture=settings.specular_aperture)
+            if features.shadow_cones:
+                lit.cones.bind(kernel)
+                kernel.set(shadow_cone_angle=settings.shadow_cone_angle)
+
+        yield from run_tiles(self.gpu, "direct", kernel, frame, lights.count, bind)
+
+    def release(self) -> None:
+        """Free everything."""
+        self.gpu.free(self.diffuse, self.glossy)
+        self.diffuse = self.glossy = None
+        self._key = ()

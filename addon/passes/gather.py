@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Diffuse light gathered at pixels: from voxel faces, from the world."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import moderngl
+
+from ..gpu import interface
+from ..gpu.context import GpuContext
+from .frame import Frame, LitVoxels, run_tiles
+
+
+class GatherPass:
+    """Owns the mean incoming radiance at each pixel, and on demand what of it comes straight from the world."""
+
+    def __init__(self, gpu: GpuContext) -> None:
+        self.gpu = gpu
+        self.incoming: moderngl.Texture | None = None
+        self.emitted: moderngl.Texture | None = None
+        self._nearness: moderngl.Texture | None = None
+        self._key: tuple = ()
+
+    def allocate(self, size: tuple[int, int], *, emitted: bool, nearness: bool) -> None:
+        """Make the pictures; kept when nothing changed."""
+        if self._key == (size, emitted, nearness):
+            return
+        self.release()
+        self.incoming = self.gpu.texture("indirect light", size, 4, "f4")
+        self.emitted = self.gpu.texture("indirect light", size, 4, "f4") if emitted else None
+        self._nearness = self.gpu.texture("indirect light", size, 1, "f4") if nearness else None
+        self._key = (size, emitted, nearness)
+
+    def run(self, frame: Frame, lit: LitVoxels, *, keeps_emitted: bool) -> Iterator[float]:
+        """Yields the share done. ``keeps_emitted``: fill ``emitted`` too."""
+        features, settings = frame.features, frame.settings
+        self.allocate(frame.size, emitted=keeps_emitted, nearness=features.has_reconstruction)
+        kernel = self.gpu.kernel(
+            "gather",
+            frame.defines
+            | lit.voxels.trace_defines
+            | lit.world.defines
+            | {
+                "GATHER_CONES": features.gather_cones,
+                "GATHER_OCCLUSION": features.gather_occlusion,
+                "KEEPS_EMITTED": keeps_emitted,
+                "KEEPS_NEARNESS": features.has_reconstruction,
+            },
+        )
+        limit = settings.ao_distance if features.gather_occlusion else settings.max_distance
+
+        def bind() -> None:
+            lit.bind(kernel)
+            frame.bind(kernel)
+            if features.gather_cones:
+                lit.cones.bind(kernel)
+            assert self.incoming is not None
+            self.incoming.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
+            if self.emitted is not None:
+                self.emitted.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
+            if self._nearness is not None:
+                self._nearness.bind_to_image(interface.slot("IMG_2"), read=True, write=True)
+            kernel.set(
+                sample_index=frame.index,
+                ray_count=settings.rays,
+                random_seed=settings.seed,
+                max_distance=limit / lit.voxels.grid.cell_size if limit > 0.0 else 1e30,
+                clamp_indirect=settings.clamp_indirect,
+            )
+
+        yield from run_tiles(self.gpu, "gather", kernel, frame, settings.rays, bind)
+
+    def release(self) -> None:
+        """Free everything."""
+        self.gpu.free(self.incoming, self.emitted, self._nearness)
+        self.incoming = self.emitted = self._nearness = None
+        self._key = ()
