@@ -19,13 +19,15 @@ from ..features import SHARP_REACH, SHARP_WIDTH, SPREAD_OF_ALPHA
 from ..gpu import interface
 from ..gpu.context import GpuContext
 from .direct import DirectPass
+from .emitters import PIXEL_SAMPLES
 from .frame import Frame, LitVoxels, run_tiles
 from .gather import GatherPass
 from .surface import SurfacePass, SurfacePictures, Surfaces
 
 
 class ReflectPass:
-    """Owns the reflected radiance at each pixel, and on demand what of it comes straight from lights or the world.
+    """Owns the reflected radiance at each pixel, and on demand what of it comes straight from lights, emitters or the
+    world.
 
     Where something is sharp, it owns a layer too: what the reflected rays have met last.
     """
@@ -88,6 +90,7 @@ class ReflectPass:
             | {
                 "HAS_LIGHTS": features.has_lights,
                 "GATHER_OCCLUSION": features.gather_occlusion,
+                "HAS_EMITTERS": features.reflects_emission,
                 "KEEPS_EMITTED": keeps_emitted,
                 "FIRST_LAYER": first,
                 "HAS_LAYERS": self._layer is not None,
@@ -119,6 +122,9 @@ class ReflectPass:
                 self._layer.rays.bind_to_image(slot("IMG_5" if first else "IMG_RAYS"), read=True, write=True)
                 self._followed.bind_to_storage_buffer(slot("BUF_COUNTS"))
                 kernel.set(last_layer=last)
+            if features.reflects_emission:
+                lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
+                kernel.set(emission_amount=settings.direct_amount)
             kernel.set(
                 sample_index=frame.index,
                 random_seed=settings.seed,
@@ -146,7 +152,6 @@ class ReflectPass:
                 | {"HAS_DIRECT": features.has_direct, "HAS_DIFFUSE_GATHER": features.has_diffuse_gather},
             )
             frame.bind(kernel)
-            frame.surface.emission.use(slot("TEX_EMISSION"))
             lit.world.bind(kernel)
             for name, texture in (
                 ("TEX_DIRECT_DIFFUSE", self._direct.diffuse),

@@ -10,7 +10,6 @@
 
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 
-layout(binding = TEX_EMISSION) uniform sampler2D emission_tex;
 #if HAS_DIRECT
 layout(binding = TEX_DIRECT_DIFFUSE) uniform sampler2D direct_diffuse_tex;
 layout(binding = TEX_DIRECT_GLOSSY) uniform sampler2D direct_glossy_tex;
@@ -38,7 +37,7 @@ void main()
     Pixel p = fetch_pixel(at);
     vec3 light = vec3(0.0);
     if (p.is_surface) {
-        light = texelFetch(emission_tex, at, 0).rgb;
+        // What the surface emits the ray that met it has brought already, weighed against points on emitters.
 #if HAS_DIRECT
         light += direct_amount * (p.diffuse * texelFetch(direct_diffuse_tex, at, 0).rgb +
                                   specular_amount * texelFetch(direct_glossy_tex, at, 0).rgb);

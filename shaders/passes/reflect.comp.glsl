@@ -3,9 +3,10 @@
 // the world. A surface that is met is looked up in the voxels where the ray stands for an area
 // at least as large as they are; nearer, it is followed: it is left to the next layer, which shades it for itself.
 // FIRST_LAYER: what the camera sees.    HAS_LAYERS: there may be a next one.
-// Input: surface pictures and rays of the layer, faces' radiance, triangles of cells, lights.
-// Output: radiance_img: reflected radiance, added up over layers; w: 1 / distance of what the first met, 1/cells. KEEPS_EMITTED: emitted_out: what of it comes straight
-// from lights or the world. HAS_LAYERS: rays_img, seen_img, throughput_img of the next layer, which has no surfaces yet.
+// Input: surface pictures and rays of the layer, faces' radiance, triangles of cells, lights, emitters.
+// Output: radiance_img: reflected radiance, added up over layers; w: 1 / distance of what the first met, 1/cells.
+// KEEPS_EMITTED: emitted_out: what of it comes straight from lights, emitters or the world. HAS_LAYERS: rays_img, seen_img,
+// throughput_img of the next layer, which has no surfaces yet.
 
 #include "lib/incoming.glsl"
 #include "lib/sampling.glsl"
@@ -101,7 +102,8 @@ void main()
 #endif
 #endif
             Hit hit = trace(origin, direction, max_distance, RAY_GLOSSY, GATHER_OCCLUSION != 0, hash(seed, 3u + sample_index));
-            Incoming found = incoming_from(hit, origin, direction, hash(seed, 5u + sample_index));
+            float density = ggx_density(normal, view, direction, alpha);
+            Incoming found = incoming_from(hit, origin, direction, density, hash(seed, 5u + sample_index));
 #if HAS_LIGHTS
             for (uint k = 0u; k < light_count; ++k) {
                 float light_distance;
