@@ -150,15 +150,19 @@ def _still(scene: Any, job: Job, engine: engines.Engine, place: Path) -> dict[st
 def _save_parts(scene: Any, job: Job, place: Path, passes: dict[str, Picture]) -> None:
     """Writes ``direct`` and ``seen``; see :meth:`.store.Result.picture`.
 
-    Both engines divide a light pass by its colour pass after summing, so their product is the sum again. Cycles' passes
-    cost next to nothing and come from the timed render; Conelight's cost a tenth of it, so it renders the same again.
+    Cycles divides a light pass by its colour pass after summing, so their product is the sum again. Conelight renders
+    the same samples again, not timed, without the gathers that find all light but that of lamps.
     """
-    if job.engine != "cycles":
+    if job.engine == "cycles":
+        direct = sum(passes[f"{kind}_direct"] * passes[f"{kind}_color"] for kind in ("diffuse", "glossy"))
+        seen = passes["emission"] + passes["environment"]
+    else:
+        scene.conelight.use_indirect = scene.conelight.use_specular = False
         _ask_for_passes(scene, True)
         bpy.ops.render.render(scene=scene.name)
         passes = _rendered_passes(scene)
-    direct = sum(passes[f"{kind}_direct"] * passes[f"{kind}_color"] for kind in ("diffuse", "glossy"))
-    seen = passes["emission"] + passes["environment"]
+        seen = passes["emission"] + passes["environment"]
+        direct = passes["combined"] - seen
     _save(place / "direct.exr", np.asarray(direct, np.float32))
     _save(place / "seen.exr", seen)
 
