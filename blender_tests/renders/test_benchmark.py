@@ -81,6 +81,15 @@ def test_sun_is_as_strong_as_its_number(kept: Store) -> None:
     assert [sun.energy for sun in suns] == pytest.approx([SUN])
 
 
+def test_walls_are_flat(kept: Store) -> None:
+    """Corners of a room have the normals of their faces: nothing is shaded over an edge."""
+    for thing in opened(kept, "rooms_open_1").objects:
+        if thing.type == "MESH":
+            for face in thing.data.polygons:
+                for corner in face.loop_indices:
+                    assert thing.data.corner_normals[corner].vector.dot(face.normal) == pytest.approx(1.0, abs=1e-4)
+
+
 def test_closed_room_is_dark_and_plane_is_as_bright_as_its_albedo(kept: Store) -> None:
     opened(kept, "rooms_closed_1")
     assert not rendering.cycles((16, 12), samples=16)[..., :3].any()

@@ -113,35 +113,29 @@ def add_solid(
     """The surface of what is solid among the boxes between axis-parallel planes: closed, and no two faces coincide.
 
     ``planes``: ascending x, y, z, metres. ``solid`` (nx - 1, ny - 1, nz - 1): 0 for air, i for ``materials[i - 1]``.
-    One mesh for each material, in their order.
+    One mesh for each material, in their order. Faces share no points, or else Blender would shade over their edges.
     """
-    shape = tuple(len(p) for p in planes)
     padded = np.pad(np.asarray(solid), 1)
     result = []
     for number, material in enumerate(materials, 1):
-        faces: list[tuple[int, ...]] = []
+        points: list[Point] = []
         for axis in range(3):
             for side in (0, 1):
                 outside = np.roll(padded, 1 - 2 * side, axis)
                 u, v = (axis + 1) % 3, (axis + 2) % 3
                 for cell in np.argwhere((padded == number) & (outside == 0)) - 1:
-                    corners = []
+                    corners: list[Point] = []
                     for du, dv in ((0, 0), (1, 0), (1, 1), (0, 1)):
                         corner = cell.copy()
                         corner[axis] += side
                         corner[u] += du
                         corner[v] += dv
-                        corners.append(int(np.ravel_multi_index(tuple(corner), shape)))
-                    faces.append(tuple(corners if side else corners[::-1]))
-        used = sorted({index for face in faces for index in face})
-        where = {index: i for i, index in enumerate(used)}
-        points: list[Point] = []
-        for index in used:
-            i, j, k = (int(part) for part in np.unravel_index(index, shape))
-            points.append((planes[0][i], planes[1][j], planes[2][k]))
-        renumbered = [tuple(where[index] for index in face) for face in faces]
+                        x, y, z = (float(values[i]) for values, i in zip(planes, corner, strict=True))
+                        corners.append((x, y, z))
+                    points += corners if side else corners[::-1]
+        faces = [tuple(range(i, i + 4)) for i in range(0, len(points), 4)]
         suffix = f"_{number}" if len(materials) > 1 else ""
-        result.append(add_mesh(stage, f"/World/{name}{suffix}", points, renumbered, material))
+        result.append(add_mesh(stage, f"/World/{name}{suffix}", points, faces, material))
     return result
 
 
