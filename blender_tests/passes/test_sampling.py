@@ -23,7 +23,7 @@ def directions(count: int) -> np.ndarray:
 def sampled(gpu: GpuContext, normals: np.ndarray, u: np.ndarray) -> np.ndarray:
     inputs = np.zeros((len(normals), 8), np.float32)
     inputs[:, :3], inputs[:, 4:6], inputs[:, 6] = normals, u, np.arange(len(normals))
-    return map_list(gpu, test_kernel(gpu, "sampling"), inputs, 16)
+    return map_list(gpu, test_kernel(gpu, "sampling"), inputs, 20)
 
 
 def test_octahedral_round_trip(gpu: GpuContext) -> None:
@@ -80,3 +80,17 @@ def test_hashed_numbers_are_even(gpu: GpuContext) -> None:
     assert made.min() >= 0.0 and made.max() < 1.0
     np.testing.assert_allclose(made.mean(axis=0), 0.5, atol=0.01)
     np.testing.assert_allclose(np.corrcoef(made.T), np.eye(3), atol=0.03)
+
+
+def test_neighbouring_pixels_share_the_square(gpu: GpuContext) -> None:
+    """In each aligned block of 8x8 pixels every division of the square into 64 equal boxes has one point in each."""
+    found = sampled(gpu, directions(COUNT), np.zeros((COUNT, 2)))
+    blocks = set()
+    for corner in ((0, 0), (8, 0), (48, 24), (0, 56)):
+        numbers = [(corner[0] + x) | (corner[1] + y) << 8 for y in range(8) for x in range(8)]
+        points = found[numbers, 16:18].astype(float)
+        for k in range(7):
+            boxes = np.floor(points[:, 0] * 2**k) + 64 * np.floor(points[:, 1] * 2 ** (6 - k))
+            assert len(np.unique(boxes)) == 64, (corner, k)
+        blocks.add(tuple(points[0]))
+    assert len(blocks) == 4  # no block repeats another

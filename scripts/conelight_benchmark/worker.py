@@ -69,7 +69,7 @@ def run(scene_file: Path, job: Job, folder: Path) -> None:
     scene.camera = scene.camera or next(thing for thing in scene.objects if thing.type == "CAMERA")
     scene.render.resolution_percentage = 100
     scene.render.use_sequencer = False
-    engine.prepare(scene)
+    engine.prepare(scene, is_animation=job.frames > 0)
     if job.engine == "cycles":
         _prepare_cycles(scene, job)
     _ask_for_passes(scene, job.passes and job.engine == "cycles")
@@ -168,22 +168,50 @@ def _save_parts(scene: Any, job: Job, place: Path, passes: dict[str, Picture]) -
 
 
 def _sequence(scene: Any, job: Job, engine: engines.Engine, place: Path) -> dict[str, Any]:
-    """All frames in one process; what an engine keeps between frames, it may keep."""
+    """All frames as one animation; what an engine keeps between frames, it may keep."""
     assert job.motion is not None
-    scene.render.use_persistent_data = True
     start = scene.camera.matrix_world.copy()
     scene.camera.animation_data_clear()
     scene.camera.parent = None
-    frames = []
+    scene.camera.rotation_mode = "QUATERNION"
     for frame in range(job.frames):
         share = frame / max(job.frames - 1, 1)
         turn = Matrix.Rotation(np.radians(job.motion.turn) * share, 4, "Z")
         position = start @ (Vector(job.motion.travel) * share)
         rotation = turn @ start.to_quaternion().to_matrix().to_4x4()
         scene.camera.matrix_world = Matrix.Translation(position) @ rotation
-        scene.frame_set(frame + 1)
-        frames.append(_timed_render(scene, engine))
-        _save(place / f"full_{frame:04d}.exr", _rendered_passes(scene)["combined"])
+        for path in ("location", "rotation_quaternion"):
+            scene.camera.keyframe_insert(path, frame=frame + 1)
+    scene.frame_start, scene.frame_end, scene.frame_step = 1, job.frames, 1
+    scene.render.use_persistent_data = True
+    scene.render.use_file_extension = scene.render.use_overwrite = True
+    scene.render.filepath = str(place / "raw_####.exr")
+    frames: list[dict[str, Any]] = []
+    clocks: list[_Clock] = []
+
+    def begun(*_: Any) -> None:
+        _forget_peak_memory()
+        clocks.append(_Clock())
+
+    def ended(*_: Any) -> None:
+        cpu_ms = clocks[-1].cpu_ms()
+        frames.append({
+            "cpu_ms": cpu_ms, "wall_ms": clocks[-1].wall_ms(), "peak_rss": _peak_memory(),
+            "statistics": engine.frame_statistics(cpu_ms),
+        })  # fmt: skip
+
+    bpy.app.handlers.render_pre.append(begun)
+    bpy.app.handlers.render_post.append(ended)
+    try:
+        with engine.progress_to(lambda *_: None):
+            bpy.ops.render.render(animation=True, scene=scene.name)
+    finally:
+        bpy.app.handlers.render_pre.remove(begun)
+        bpy.app.handlers.render_post.remove(ended)
+    for frame in range(job.frames):
+        raw = place / f"raw_{frame + 1:04d}.exr"
+        _save(place / f"full_{frame:04d}.exr", dict(_read_passes(raw))["combined"])
+        raw.unlink()
     return {
         "cpu_ms": sum(frame["cpu_ms"] for frame in frames),
         "wall_ms": sum(frame["wall_ms"] for frame in frames),

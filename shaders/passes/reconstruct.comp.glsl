@@ -93,11 +93,11 @@ void main()
             vec3 other_normal = octahedral_decode(2.0 * texelFetch(normal_tex, there, 0).xy - 1.0);
             vec4 other = texelFetch(gathered_tex, there, 0);
             // The error that light from there may have, as a share of it: how far that point is, against the distance of
-            // what surrounds it, how much it turns, and how far off the tangent plane it lies.
+            // what surrounds it, how much it turns, and how far off the tangent plane it lies, beyond what the turn explains.
             vec3 apart = other_position.xyz - position.xyz;
             float distance = length(apart);
             float turn = sqrt(max(0.0, 1.0 - dot(normal, other_normal)));
-            float off_plane = abs(dot(apart, geometric)) / max(distance, 1e-6);
+            float off_plane = 4.0 * max(0.0, abs(dot(apart, geometric)) / max(distance, 1e-6) - turn);
             float nearness = min(most, sqrt(center.w * other.w));
 #if GLOSSY
             // Directions differ by the parallax of what is mirrored, and twice as much as normals do.
