@@ -111,7 +111,7 @@ def test_reflections_are_shared_within_their_lobe(roughness: float, is_shared: b
 
 
 def test_a_noisy_room_comes_nearer_to_the_truth(gpu: GpuContext) -> None:
-    """One pass of the Cornell box with sharing errs less than a third as much as without; sixteen are as bright as all."""
+    """One pass of the Cornell box with sharing errs less than a third as much as without; brightness stays."""
     made = scenes.cornell()
     output = "diffuse_indirect"
     settings = scenes.settings(24, use_reconstruction=False)
