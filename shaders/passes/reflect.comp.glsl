@@ -118,7 +118,7 @@ void main()
                         // Pass `direct` draws points on lights too.
                         float points = light_points * light_density(light, origin, direction, light_distance);
                         float weight = mis_weight(density, points);
-                        found = Incoming(vec3(0.0), limited(shown * weight), light_distance);
+                        found = Incoming(vec3(0.0), limited(shown * weight), vec3(0.0), light_distance);
                         hit.triangle = NONE_INDEX;
                     }
                 }
@@ -126,7 +126,7 @@ void main()
 #endif
 #if HAS_LAYERS
             if (hit.triangle != NONE_INDEX && hit.distance < reach) {
-                found.bounced = found.emitted = vec3(0.0);
+                found.bounced = found.glow = vec3(0.0);
                 seen = hit.triangle + 1u;
                 imageStore(rays_img, ivec2(2 * at.x, at.y), vec4(next.origin, next.width));
                 imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(next.direction, next.spread));
@@ -138,7 +138,7 @@ void main()
 #endif
             nearness = 1.0 / max(found.distance, 1e-3);
             bounced = found.bounced * throughput;
-            emitted = found.emitted * throughput;
+            emitted = (found.emitted + found.glow) * throughput;
         }
     }
     vec3 radiance = finite_or_zero(bounced + emitted);
