@@ -289,7 +289,7 @@ class Pipeline:
             for share in self._direct.run(frame, lit):
                 yield Progress(0.2 + 0.2 * share, "Direct light")
         if features.has_diffuse_gather:
-            for share in self._gather.run(frame, lit, keeps_emitted=splits):
+            for share in self._gather.run(frame, lit, self._direct.diffuse, keeps_emitted=splits):
                 yield Progress(0.4 + 0.3 * share, "Indirect light")
         if features.has_glossy:
             for share in self._reflect.run(frame, lit, self._surface, surfaces, keeps_emitted=splits):

@@ -33,9 +33,13 @@ class GatherPass:
         self._nearness = self.gpu.texture("indirect light", size, 1, "f4") if nearness else None
         self._key = (size, emitted, nearness)
 
-    def run(self, frame: Frame, lit: LitVoxels, *, keeps_emitted: bool) -> Iterator[float]:
-        """Yields the share done. ``keeps_emitted``: fill ``emitted`` too."""
+    def run(
+        self, frame: Frame, lit: LitVoxels, direct: moderngl.Texture | None, *, keeps_emitted: bool
+    ) -> Iterator[float]:
+        """Yields the share done. ``direct``: where points on emitters were drawn, the diffuse picture of pass ``direct``,
+        to which rays add what they find of them. ``keeps_emitted``: fill ``emitted`` too."""
         features, settings = frame.features, frame.settings
+        glow_is_direct = features.gathers_emission and features.draws_emitters_at_pixels
         self.allocate(frame.size, emitted=keeps_emitted, nearness=features.has_reconstruction)
         kernel = self.gpu.kernel(
             "gather",
@@ -46,6 +50,7 @@ class GatherPass:
                 "GATHER_CONES": features.gather_cones,
                 "GATHER_OCCLUSION": features.gather_occlusion,
                 "HAS_EMITTERS": features.gathers_emission,
+                "GLOW_IS_DIRECT": glow_is_direct,
                 "KEEPS_EMITTED": keeps_emitted,
                 "KEEPS_NEARNESS": features.has_reconstruction,
             },
@@ -66,7 +71,11 @@ class GatherPass:
             if features.gathers_emission:
                 lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
                 # Emission is direct light: what multiplies this picture later is divided out.
-                kernel.set(emission_amount=settings.direct_amount / settings.indirect_amount)
+                amount = 1.0 if glow_is_direct else settings.direct_amount / settings.indirect_amount
+                kernel.set(emission_amount=amount)
+            if glow_is_direct:
+                assert direct is not None
+                direct.bind_to_image(interface.slot("IMG_3"), read=True, write=True)
             kernel.set(
                 sample_index=frame.index,
                 ray_count=settings.rays,

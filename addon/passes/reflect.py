@@ -154,7 +154,7 @@ class ReflectPass:
         if features.has_direct:
             yield from self._direct.run(frame, lit)
         if features.has_diffuse_gather:
-            yield from self._gather.run(frame, lit, keeps_emitted=False)
+            yield from self._gather.run(frame, lit, self._direct.diffuse, keeps_emitted=False)
         with self.gpu.timed("reflect"):
             kernel = self.gpu.kernel(
                 "collect",

@@ -20,7 +20,8 @@ uniform float max_distance;      // cells
 
 struct Incoming {
     vec3 bounced;    // off a surface, W/(m2 sr)
-    vec3 emitted;    // straight from the world or an emitter
+    vec3 emitted;    // straight from the world
+    vec3 glow;       // straight from an emitter
     float distance;  // of the surface, cells; max_distance when none was met
 };
 
@@ -37,7 +38,7 @@ vec3 world_or_black(vec3 direction)
 // the caller sends for each steradian there, which weighs the emission they meet against points drawn on emitters.
 Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, float density, uint seed)
 {
-    Incoming found = Incoming(vec3(0.0), vec3(0.0), hit.distance);
+    Incoming found = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), hit.distance);
     if (hit.triangle == NONE_INDEX) {
         found.emitted = limited(world_or_black(direction));
     }
@@ -46,7 +47,7 @@ Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, float density, uint
         found.bounced = limited(face_radiance(face_at_hit(origin + direction * hit.distance, hit, hash(seed, 0x2545F4u))));
 #if HAS_EMITTERS
         Emitted emission = emission_met(hit.triangle, origin, direction, hit.distance, density);
-        found.emitted = emission_amount * emission.weight * emission.radiance;
+        found.glow = emission_amount * emission.weight * emission.radiance;
 #endif
     }
 #endif

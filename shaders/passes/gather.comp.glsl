@@ -3,6 +3,8 @@
 // Input: surface pictures, faces' radiance, triangles of cells.
 // Output: incoming_out: mean incoming radiance, to be multiplied by the diffuse reflectance.
 // KEEPS_EMITTED: emitted_out: what of it comes straight from the world or an emitter.
+// GLOW_IS_DIRECT: diffuse_img of pass `direct`, to which what comes straight from emitters is added: points drawn there
+// have brought the rest of it, it is as sharp as direct light, and is not shared between pixels.
 // KEEPS_NEARNESS: nearness_img: sum over passes of the mean of 1 / distance, 1/cells; w of incoming_out: its mean.
 
 #include "lib/incoming.glsl"
@@ -20,6 +22,9 @@ layout(binding = IMG_0, rgba32f) writeonly uniform image2D incoming_out;
 layout(binding = IMG_1, rgba32f) writeonly uniform image2D emitted_out;
 #endif
 
+#if GLOW_IS_DIRECT
+layout(binding = IMG_3, rgba32f) uniform image2D diffuse_img;
+#endif
 #if KEEPS_NEARNESS
 layout(binding = IMG_2, r32f) uniform image2D nearness_img;
 #endif
@@ -38,6 +43,7 @@ void main()
     Pixel p = fetch_pixel(at);
     vec3 bounced = vec3(0.0);
     vec3 emitted = vec3(0.0);
+    vec3 glow = vec3(0.0);
     float nearness = 0.0;
     if (p.is_surface && max_component(p.diffuse) > 0.0) {
 #if GATHER_CONES
@@ -59,15 +65,22 @@ void main()
                 Incoming found = incoming(origin, direction, RAY_DIFFUSE, density, hash(seed, index));
                 bounced += found.bounced;
                 emitted += found.emitted;
+                glow += found.glow;
                 nearness += 1.0 / max(found.distance, 1e-3);
             }
         }
         float share = 1.0 / float(ray_count);
         bounced *= share;
         emitted *= share;
+        glow *= share;
         nearness *= share;
 #endif
     }
+#if GLOW_IS_DIRECT
+    imageStore(diffuse_img, at, imageLoad(diffuse_img, at) + vec4(finite_or_zero(glow), 0.0));
+#else
+    emitted += glow;
+#endif
 #if KEEPS_NEARNESS
     nearness += sample_index > 0u ? imageLoad(nearness_img, at).r : 0.0;
     imageStore(nearness_img, at, vec4(nearness));

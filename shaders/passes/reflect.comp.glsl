@@ -150,7 +150,8 @@ void main()
                     bool free = light_distance < found.distance || (light_distance > 1e29 && found.distance > 1e29);
                     if (max_component(shown) > 0.0 && free) {
                         float points = light_points * light_density(light, origin, direction, light_distance);
-                        found = Incoming(vec3(0.0), limited(shown * mis_weight(density, points)), light_distance);
+                        float weight = mis_weight(density, points);
+                        found = Incoming(vec3(0.0), limited(shown * weight), vec3(0.0), light_distance);
                         hit.triangle = NONE_INDEX;
                     }
                 }
@@ -158,7 +159,7 @@ void main()
 #endif
 #if HAS_LAYERS
             if (hit.triangle != NONE_INDEX && hit.distance < reach) {
-                found.bounced = found.emitted = vec3(0.0);
+                found.bounced = found.glow = vec3(0.0);
                 seen = hit.triangle + 1u;
                 imageStore(rays_img, ivec2(2 * at.x, at.y), vec4(next.origin, next.width));
                 imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(next.direction, next.spread));
@@ -170,7 +171,7 @@ void main()
 #endif
             nearness = 1.0 / max(found.distance, 1e-3);
             bounced = found.bounced * throughput;
-            emitted = found.emitted * throughput;
+            emitted = (found.emitted + found.glow) * throughput;
         }
     }
     vec3 radiance = finite_or_zero(bounced + emitted);
