@@ -39,7 +39,11 @@ class DirectPass:
             frame.defines
             | lit.voxels.trace_defines
             | lights.defines(settings)
-            | {"HAS_GLOSSY": features.has_glossy, "SHADOW_CONES": features.shadow_cones},
+            | {
+                "HAS_GLOSSY": features.has_glossy,
+                "HAS_TRANSMISSION": features.has_transmission,
+                "SHADOW_CONES": features.shadow_cones,
+            },
         )
 
         def bind() -> None:

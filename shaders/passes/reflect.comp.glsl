@@ -141,10 +141,12 @@ void main()
                     vec3 shown = light_along_ray(light, origin, direction, light_distance);
                     bool free = light_distance < found.distance || (light_distance > 1e29 && found.distance > 1e29);
                     if (max_component(shown) > 0.0 && free) {
-                        // Pass `direct` draws points on lights too, for what is reflected outside of glass.
+                        // Pass `direct` draws points on lights too, if they are outside of glass.
                         float points = light_points * light_density(light, origin, direction, light_distance);
-                        float other = passes || p.is_inside ? 0.0 : points;
-                        shown *= mis_weight(ggx_density(normal, view, direction, alpha), other);
+                        float unused;
+                        float rays = passes ? ggx_bent_density(normal, view, direction, alpha, p.ior, unused)
+                                            : ggx_density(normal, view, direction, alpha);
+                        shown *= mis_weight(rays, passes == p.is_inside ? points : 0.0);
                         found = Incoming(vec3(0.0), limited(shown), light_distance);
                         hit.triangle = NONE_INDEX;
                     }
