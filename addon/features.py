@@ -41,10 +41,15 @@ class Features:
     has_visible_lights: bool
     needs_radiance: bool  # voxel faces carry light
     bounces: bool
+    needs_links: bool  # rays from voxel faces: to others, to the world, to emitters
     shadow_cones: bool
     gather_cones: bool
     needs_cones: bool
     gather_occlusion: bool
+    draws_emitters_at_faces: bool  # points on emitters, weighed against rays that meet them
+    draws_emitters_at_pixels: bool
+    gathers_emission: bool  # rays bring the emission that they meet
+    reflects_emission: bool
 
     @classmethod
     def from_scene(
@@ -54,24 +59,32 @@ class Features:
         *,
         diffuse: bool,
         emission: bool,
+        small_emitters: bool,
         transparency: bool,
         specular: bool,
         least_roughness: float,
         transmission: bool,
         world: bool,
     ) -> Features:
-        """``diffuse`` ... ``world``: what the compiled materials and the world have. ``least_roughness``: of what is
-        glossy."""
+        """``diffuse`` ... ``world``: what the compiled materials and the world have. ``small_emitters``: points on
+        emitters find more than rays do. ``least_roughness``: of what is glossy."""
         has_geometry = any(len(scene.meshes[i.mesh].triangle_vertices) for i in scene.instances)
         lit = bool(scene.lights) or emission or world
         occlusion = settings.gather_mode == "OCCLUSION"
         gather = has_geometry and lit and diffuse and settings.use_indirect and settings.indirect_amount > 0.0
         glossy = has_geometry and lit and specular and settings.use_specular and settings.specular_amount > 0.0
         sharp = glossy and (transmission or is_sharp(least_roughness, settings.specular_aperture))
-        direct = has_geometry and bool(scene.lights) and settings.use_direct and settings.direct_amount > 0.0
-        shadow_cones = direct and settings.use_shadows and settings.shadow_mode == "CONE"
+        wants_direct = has_geometry and settings.use_direct and settings.direct_amount > 0.0
+        gathers_emission = gather and emission and wants_direct and settings.gather_mode == "RAYS"
+        reflects_emission = glossy and emission and wants_direct and not occlusion
+        # Rays alone suffice for large emitters, where there are rays and nothing ends them early.
+        rays_suffice = (gathers_emission or not diffuse) and settings.max_distance <= 0.0 and not occlusion
+        draws_at_pixels = wants_direct and emission and (small_emitters or not rays_suffice)
+        direct = wants_direct and (bool(scene.lights) or draws_at_pixels)
+        shadow_cones = wants_direct and bool(scene.lights) and settings.use_shadows and settings.shadow_mode == "CONE"
         needs_radiance = ((gather or glossy) and not occlusion) or shadow_cones
         gather_cones = gather and settings.gather_mode == "CONES"
+        bounces = needs_radiance and settings.bounces > 0
         visible = any(
             light.visibility & RayVisibility.CAMERA
             and (
@@ -91,15 +104,20 @@ class Features:
             has_glossy=glossy,
             follows_glossy=sharp and settings.glossy_layers > 0 and not occlusion,
             has_diffuse_gather=gather,
-            has_reconstruction=gather and settings.use_reconstruction and not gather_cones,
+            has_reconstruction=(glossy or (gather and not gather_cones)) and settings.use_reconstruction,
             has_direct=direct,
             has_visible_lights=visible,
             needs_radiance=needs_radiance,
-            bounces=needs_radiance and settings.bounces > 0,
+            bounces=bounces,
+            needs_links=bounces or (needs_radiance and (world or emission)),
             shadow_cones=shadow_cones,
             gather_cones=gather_cones,
             needs_cones=shadow_cones or gather_cones,
             gather_occlusion=occlusion and (gather or glossy),
+            draws_emitters_at_faces=needs_radiance and emission and small_emitters,
+            draws_emitters_at_pixels=draws_at_pixels,
+            gathers_emission=gathers_emission,
+            reflects_emission=reflects_emission,
         )
 
     @property

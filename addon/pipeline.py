@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The frame, top to bottom. One pipeline serves a viewport, an F12 render or a preview; it knows nothing of Blender.
 
-    prepare: materials -> geometry -> voxels -> lights -> injection -> links -> bounces (-> cones)
-    sample:  surfaces -> direct light -> gather -> reflections -> film
+    prepare: materials -> geometry -> emitters -> voxels -> lights -> injection -> links -> bounces (-> cones)
+    sample:  surfaces -> direct light -> gather -> reflections -> sharing -> film
 
 Each step of ``prepare`` is redone only when something it depends on has changed. Both are generators that yield between
 pieces of work of well under half a second, so that a caller can show progress and stop.
@@ -24,6 +24,7 @@ from .passes.bounce import BouncePass, LinkPass
 from .passes.compose import Film, PixelLight
 from .passes.cones import ConeVolume
 from .passes.direct import DirectPass
+from .passes.emitters import EmitterTable
 from .passes.frame import Frame, LitVoxels
 from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
@@ -91,6 +92,7 @@ class Pipeline:
         self._memo = _Memo()
         self._materials = MaterialPass(gpu)
         self._geometry = GeometryPass(gpu)
+        self._emitters = EmitterTable(gpu)
         self._voxelize = VoxelizePass(gpu)
         self._world = WorldLight(gpu)
         self._lights = LightTable(gpu)
@@ -101,7 +103,10 @@ class Pipeline:
         self._surface = SurfacePass(gpu)
         self._direct = DirectPass(gpu)
         self._gather = GatherPass(gpu)
-        self._reconstruct = ReconstructPass(gpu)
+        self._sharing = {
+            name: ReconstructPass(gpu, glossy=name.startswith("reflected"))
+            for name in ("gathered", "gathered_emitted", "reflected", "reflected_emitted")
+        }
         self._reflect = ReflectPass(gpu)
         self._scene: SceneData | None = None
         self._settings = Settings()
@@ -136,7 +141,7 @@ class Pipeline:
         uv_layers = tuple(sorted({name for mesh in scene.meshes for name in mesh.uv_layers}))
         if memo.stale("materials", scene.materials, uv_layers):
             yield Progress(0.0, "Compiling materials")
-            memo.forget("geometry", "voxels")
+            memo.forget("geometry", "emitters", "voxels")
             with self.gpu.timed("materials"):
                 self._materials.run(scene.materials, uv_layers)
             memo.done("materials", scene.materials, uv_layers)
@@ -150,25 +155,12 @@ class Pipeline:
             memo.done("world", scene.world)
         warnings += self._world.warnings
 
-        features = Features.from_scene(
-            scene,
-            settings,
-            diffuse=materials.has_diffuse,
-            emission=materials.has_emission,
-            transparency=materials.has_transparency,
-            specular=materials.has_specular,
-            least_roughness=materials.least_roughness,
-            transmission=materials.has_transmission,
-            world=self._world.is_lit,
-        )
-        self.features = features
-
         shape = (scene.meshes, scene.instances)
         automatic = (settings.memory_budget, settings.bounce_rays) if settings.voxel_auto else ()
         resolution = automatic or (settings.voxel_resolution,)
         if memo.stale("geometry", *shape, *resolution):
             yield Progress(0.02, "Uploading geometry")
-            memo.forget("voxels")
+            memo.forget("emitters", "voxels")
             bounds = scene_bounds(scene)
             self.grid = VoxelGrid.around(
                 bounds if bounds is not None else np.array([[-1.0] * 3, [1.0] * 3]), choose_resolution(scene, settings)
@@ -178,6 +170,24 @@ class Pipeline:
             memo.done("geometry", *shape, *resolution)
         geometry, grid = self._geometry.geometry, self.grid
         assert geometry is not None and grid is not None
+
+        if memo.stale("emitters"):
+            for share in self._emitters.run(scene, geometry, materials, self._materials):
+                yield Progress(0.04 + 0.01 * share, "Finding emitters")
+            memo.done("emitters")
+        features = Features.from_scene(
+            scene,
+            settings,
+            diffuse=materials.has_diffuse,
+            emission=self._emitters.count > 0,
+            small_emitters=self._emitters.is_small,
+            transparency=materials.has_transparency,
+            specular=materials.has_specular,
+            least_roughness=materials.least_roughness,
+            transmission=materials.has_transmission,
+            world=self._world.is_lit,
+        )
+        self.features = features
 
         if memo.stale("voxels"):
             memo.forget("links", "radiance")
@@ -212,8 +222,6 @@ class Pipeline:
             self._direct.release()
         if not features.has_diffuse_gather:
             self._gather.release()
-        if not features.has_reconstruction:
-            self._reconstruct.release()
         if not features.has_glossy:
             self._reflect.release()
         self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0)
@@ -229,23 +237,28 @@ class Pipeline:
         settings, memo = self._settings, self._memo
         voxels = self._voxelize.voxels
         assert voxels is not None
-        if features.bounces and memo.stale("links", settings.bounce_rays, settings.seed):
+        drawn = features.draws_emitters_at_faces
+        links = (settings.bounce_rays, settings.seed, drawn)
+        if features.needs_links and memo.stale("links", *links):
             memo.forget("radiance")
-            for share in self._links.run(voxels, self._world, settings):
+            for share in self._links.run(voxels, self._world, self._emitters, drawn=drawn, settings=settings):
                 yield Progress(0.3 + 0.5 * share, "Linking voxels")
-            memo.done("links", settings.bounce_rays, settings.seed)
-        if not features.bounces:
+            memo.done("links", *links)
+        if not features.needs_links:
             self._links.release()
             memo.forget("links")
-        light = (settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.bounces)
+        light = (
+            settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.needs_links, drawn,
+        )  # fmt: skip
         if memo.stale("radiance", *light):
-            if features.has_lights:
-                for share in self._inject.run(voxels, self._lights, settings):
+            if features.has_lights or drawn:
+                emitters = self._emitters if drawn else None
+                for share in self._inject.run(voxels, self._lights, emitters, settings):
                     yield Progress(0.8 + 0.1 * share, "Lighting voxels")
             else:
                 self._inject.release()
-            links = self._links if features.bounces else None
-            for share in self._bounce.run(voxels, self._inject.irradiance, links, settings):
+            passed = self._links if features.needs_links else None
+            for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
             memo.done("radiance", *light)
             self._radiance_version += 1
@@ -269,7 +282,7 @@ class Pipeline:
             self._surface.show_lights(self._lights, camera, offset, settings)
         frame = Frame(index, camera, offset, surface, features, settings, self.film.active_tiles)
         radiance = self._bounce.radiance[0] if features.needs_radiance else None
-        lit = LitVoxels(voxels, radiance, self._lights, self._world, self._cones)
+        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones)
         splits = self.film.splits_light
         if features.has_direct:
             for share in self._direct.run(frame, lit):
@@ -277,22 +290,26 @@ class Pipeline:
         if features.has_diffuse_gather:
             for share in self._gather.run(frame, lit, keeps_emitted=splits):
                 yield Progress(0.4 + 0.3 * share, "Indirect light")
-            if features.has_reconstruction:
-                assert self._gather.incoming is not None
-                for share in self._reconstruct.run(frame, self._gather.incoming):
-                    yield Progress(0.7 + 0.1 * share, "Indirect light")
         if features.has_glossy:
             for share in self._reflect.run(frame, lit, self._surface, surfaces, keeps_emitted=splits):
-                yield Progress(0.8 + 0.2 * share, "Reflections")
-        light = PixelLight(
-            direct_diffuse=self._direct.diffuse,
-            direct_glossy=self._direct.glossy,
-            gathered=self._reconstruct.gathered or self._gather.incoming,
-            gathered_emitted=self._gather.emitted,
-            reflected=self._reflect.radiance,
-            reflected_emitted=self._reflect.emitted,
-        )
-        self.film.add(frame, lit, scene, light)
+                yield Progress(0.7 + 0.2 * share, "Reflections")
+        lights = {
+            "gathered": self._gather.incoming,
+            "gathered_emitted": self._gather.emitted,
+            "reflected": self._reflect.radiance,
+            "reflected_emitted": self._reflect.emitted,
+        }
+        for number, (name, sharing) in enumerate(self._sharing.items()):
+            light = lights[name]
+            is_smooth = features.gather_cones and name.startswith("gathered")
+            if light is None or is_smooth or not features.has_reconstruction:
+                sharing.release()
+                continue
+            for share in sharing.run(frame, light):
+                yield Progress(0.9 + 0.1 * (number + share) / len(lights), "Sharing light")
+            lights[name] = sharing.shared
+        at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
+        self.film.add(frame, lit, scene, at_pixels)
         yield Progress(1.0, "Pass done")
 
     # Report -----------------------------------------------------------------------------------------------------
@@ -320,11 +337,11 @@ class Pipeline:
 
     def release(self) -> None:
         """Free every GL object."""
-        for part in (
+        parts: tuple[Any, ...] = (
             self._surface,
             self._direct,
             self._gather,
-            self._reconstruct,
+            *self._sharing.values(),
             self._reflect,
             self._cones,
             self._bounce,
@@ -333,9 +350,11 @@ class Pipeline:
             self._lights,
             self._world,
             self._voxelize,
+            self._emitters,
             self._geometry,
             self._materials,
             self.film,
-        ):
+        )
+        for part in parts:
             part.release()
         self._memo = _Memo()

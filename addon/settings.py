@@ -189,7 +189,7 @@ class Settings:
         "Bounces",
         64,
         "Most times that light is passed between voxels before the picture gathers it; it stops sooner "
-        "when nothing changes any more. 0: only what lights reach directly.",
+        "when nothing changes any more. 0: only what light reaches directly.",
         Panel.LIGHT,
         lo=0,
         hi=1024,
@@ -206,7 +206,9 @@ class Settings:
         soft_hi=64,
         cost="voxel time grows in proportion",
     )
-    use_direct: bool = _setting("Direct", True, "Light that comes straight from lights.", Panel.LIGHT)
+    use_direct: bool = _setting(
+        "Direct", True, "Light that comes straight from lights and glowing surfaces.", Panel.LIGHT
+    )
     direct_amount: float = _setting(
         "Direct Amount", 1.0, "Factor on direct light.", Panel.LIGHT, lo=0.0, hi=10.0, soft_hi=2.0
     )

@@ -29,8 +29,6 @@ BRICK = 4
 FIXED_ONE = 65536
 #: 32-bit words of one face's sums: weight, reflectance x3, position x3.
 FACE_SUM_WORDS = 7
-#: Emission has no bound: each channel is a 64-bit sum, 32.32 (low word first).
-EMISSION_SUM_WORDS = 6
 
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
@@ -74,11 +72,14 @@ TEXTURE_ALIASES = {
     # Voxel faces, where there are no pixels.
     "TEX_FACE_PLACE": "TEX_POSITION",  # rgba32ui list: position (grid space), normal (octahedral)
     "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, root of weight / MAX_FACE_WEIGHT
-    "TEX_FACE_EMISSION": "TEX_DIFFUSE",  # rgba32f list: W/(m2 sr)
+    "TEX_FACE_STRAIGHT": "TEX_DIFFUSE",  # rgba32f list: from world and emitters along links, W/(m2 sr)
     "TEX_FACE_IRRADIANCE": "TEX_F0",  # rgba32f list: from lights, over pi
     "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones next to each other
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
+    # Emitters, where no material is evaluated.
+    "TEX_EMITTERS": "TEX_INSTANCES",  # rgba32ui list: Emitter, several texels each
+    "TEX_EMITTER_LOOKUP": "TEX_CORNERS",  # r32ui list: triangle -> its first emitter and how its edges are divided
     # Materials, where no ray is traced.
     "TEX_ATTRIBUTES": "TEX_BRICKS",  # r32ui list: corner normals, UV and colour layers
     "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters
@@ -209,7 +210,26 @@ LIGHT = Struct(
     ),
 )
 
-STRUCTS = (INSTANCE, LIGHT)
+EMITTER = Struct(
+    "Emitter",
+    (
+        ("corner_grid", "vec3", "cells"),
+        ("cumulative", "float", "chances of this emitter and of those before it, in EMITTER_UNITS"),
+        ("edge_1", "vec3", "corner 1 - corner 0"),
+        ("density", "float", "chance that it is chosen, over its area in cells^2"),
+        ("edge_2", "vec3", "corner 2 - corner 0"),
+        ("flags", "uint", "RAY_* that see it"),
+        ("front", "vec3", "radiance to the side that cross(edge_1, edge_2) points to, where it is not transparent"),
+        ("opacity", "float", "share of it that is not transparent"),
+        ("back", "vec3", "radiance to the other side"),
+        ("pad", "float", ""),
+    ),
+)
+
+#: Chances of emitters are whole multiples of one over this: exact in a float.
+EMITTER_UNITS = 1 << 24
+
+STRUCTS = (INSTANCE, LIGHT, EMITTER)
 
 
 def prelude() -> str:
@@ -227,9 +247,10 @@ def prelude() -> str:
         "BRICK": BRICK,
         "FIXED_ONE": f"{FIXED_ONE}.0",
         "FACE_SUM_WORDS": f"{FACE_SUM_WORDS}u",
-        "EMISSION_SUM_WORDS": f"{EMISSION_SUM_WORDS}u",
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
+        "EMITTER_UNITS": f"{EMITTER_UNITS}.0",
+        "EMITTER_TEXELS": f"{EMITTER.texels}u",
     }
     defines |= {f"LIGHT_{kind.name}": f"{kind.value}u" for kind in LightKind}
     defines |= {f"RAY_{flag.name}": f"{flag.value}u" for flag in RayVisibility}

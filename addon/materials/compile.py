@@ -52,6 +52,7 @@ class MaterialFamily:
     has_transparency: bool
     reads_normal: bool  # bends the normal
     is_constant: bool  # nothing varies over a surface, but for the angle to the viewer
+    emission_varies: bool  # over one triangle
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,8 +251,26 @@ def _emit_material(closure: Closure, max_textures: int) -> tuple[MaterialFamily,
         has_transparency=not unless_zero(closure.transparency).is_literal(0.0),
         reads_normal=not default_normal,
         is_constant=default_normal and not varying,
+        emission_varies=_varies(closure.emission) or _varies(closure.transparency),
     )
     return family, emitter, parameters
+
+
+#: What differs from point to point of one flat triangle.
+_PLACES = {"position_ws", "position_os", "generated", "uv", "color"}
+
+
+def _varies(expr: Expr) -> bool:
+    pending, seen = [expr], set()
+    while pending:
+        current = pending.pop()
+        if id(current) in seen:
+            continue
+        seen.add(id(current))
+        if current.kind == "leaf" and current.value[0] in _PLACES:
+            return True
+        pending.extend(current.args)
+    return False
 
 
 def compile_world(world: WorldData | None) -> CompiledWorld:

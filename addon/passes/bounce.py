@@ -12,6 +12,7 @@ import numpy as np
 from ..gpu import interface
 from ..gpu.context import GpuContext
 from ..settings import Settings
+from .emitters import FACE_SAMPLES, EmitterTable
 from .voxelize import Voxels
 from .world import WorldLight
 
@@ -22,46 +23,58 @@ CHECK_EVERY = 4
 CONVERGED = 2e-4
 
 
+def link_count(settings: Settings) -> int:
+    """Links of each face: four to a texel."""
+    return -(-settings.bounce_rays // 4) * 4
+
+
 class LinkPass:
-    """Which faces each face sees."""
+    """Which faces each face sees, and the light that comes straight from the world and from emitters along the way."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.links: moderngl.Texture | None = None
-        self.sky: moderngl.Texture | None = None
+        self.straight: moderngl.Texture | None = None
         self.count = 0
 
-    def run(self, voxels: Voxels, world: WorldLight, settings: Settings) -> Iterator[float]:
-        """Trace the links. Yields the share done. Raises MemoryError when there are too many for a texture."""
+    def run(
+        self, voxels: Voxels, world: WorldLight, emitters: EmitterTable, *, drawn: bool, settings: Settings
+    ) -> Iterator[float]:
+        """Trace the links. Yields the share done. Raises MemoryError when there are too many for a texture.
+
+        ``drawn``: pass inject draws points on emitters too.
+        """
         self.release()
         gpu, slot = self.gpu, interface.slot
-        self.count = -(-settings.bounce_rays // 4) * 4  # four to a texel
+        self.count = link_count(settings)
         links = gpu.list_texture("links", voxels.faces.count * self.count // 4, 4, "u4")
         self.links = links
-        if world.is_lit:
-            self.sky = gpu.list_texture("sky light of faces", voxels.faces.count, 4, "f4")
-        kernel = gpu.kernel("link", voxels.trace_defines | world.defines)
+        if world.is_lit or emitters.count:
+            self.straight = gpu.list_texture("straight light of faces", voxels.faces.count, 4, "f4")
+        kernel = gpu.kernel("link", voxels.trace_defines | world.defines | {"HAS_EMITTERS": emitters.count > 0})
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // self.count)
         for first in range(0, voxels.faces.count, step):
             with gpu.timed("link"):
                 voxels.bind(kernel)
                 world.bind(kernel)
+                if emitters.count:
+                    emitters.bind(kernel, FACE_SAMPLES if drawn else 0)
                 voxels.faces.bind()
                 voxels.faces.order.use(slot("TEX_FACE_ORDER"))
                 links.bind_to_image(slot("IMG_0"), read=False, write=True)
-                if self.sky is not None:
-                    self.sky.bind_to_image(slot("IMG_1"), read=False, write=True)
+                if self.straight is not None:
+                    self.straight.bind_to_image(slot("IMG_1"), read=False, write=True)
                 kernel.set(
                     site_first=first, face_count=voxels.faces.count, link_count=self.count, random_seed=settings.seed
                 )
                 kernel.run_list(min(step, voxels.faces.count - first))
             yield min(1.0, (first + step) / voxels.faces.count)
-        gpu.barrier()  # bounces read links and sky
+        gpu.barrier()  # bounces read links and light
 
     def release(self) -> None:
         """Free everything."""
-        self.gpu.free(self.links, self.sky)
-        self.links = self.sky = None
+        self.gpu.free(self.links, self.straight)
+        self.links = self.straight = None
 
 
 class BouncePass:
@@ -77,19 +90,18 @@ class BouncePass:
     ) -> Iterator[float]:
         """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done.
 
-        ``irradiance`` None: there are no lights. ``links`` None: no bounces, only what faces emit and what lights send
-        off them.
+        ``irradiance`` None: nothing was injected. ``links`` None: no bounces, only what was injected leaves the faces.
         """
         self.release()
-        textures = 2 if links else 1
+        textures = 2 if links and settings.bounces else 1
         self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 4, "f4") for _ in range(textures)]
         self.bounces = 0
         with self.gpu.timed("bounce"):
-            self._pass(voxels, irradiance, None, self.radiance[0])
+            self._pass(voxels, irradiance, links, self.radiance[0], first=True)
         before = None
         while links and self.bounces < settings.bounces:
             with self.gpu.timed("bounce"):
-                self._pass(voxels, irradiance, links, self.radiance[1])
+                self._pass(voxels, irradiance, links, self.radiance[1], first=False)
                 self.radiance.reverse()
                 self.bounces += 1
                 if self.bounces % CHECK_EVERY == 0 and self.bounces < settings.bounces:
@@ -101,27 +113,34 @@ class BouncePass:
             yield self.bounces / settings.bounces
 
     def _pass(
-        self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, target: moderngl.Texture
+        self,
+        voxels: Voxels,
+        irradiance: moderngl.Texture | None,
+        links: LinkPass | None,
+        target: moderngl.Texture,
+        *,
+        first: bool,
     ) -> None:
         gpu, slot = self.gpu, interface.slot
+        straight = links.straight if links else None
         kernel = gpu.kernel(
             "bounce",
             {
-                "FIRST": links is None,
-                "HAS_LIGHTS": irradiance is not None,
-                "HAS_EMISSION": voxels.faces.emission is not None,
-                "HAS_WORLD": links is not None and links.sky is not None,
+                "FIRST": first,
+                "HAS_INJECTED": irradiance is not None,
+                "HAS_STRAIGHT": straight is not None,
             },
         )
         voxels.faces.bind()
         if irradiance is not None:
             irradiance.use(slot("TEX_FACE_IRRADIANCE"))
+        if straight is not None:
+            straight.use(slot("TEX_FACE_STRAIGHT"))
         kernel.set(face_count=voxels.faces.count)
-        if links is not None and links.links is not None:
+        if not first:
+            assert links is not None and links.links is not None
             self.radiance[0].use(slot("TEX_FACE_RADIANCE"))
             links.links.use(slot("TEX_LINKS"))
-            if links.sky is not None:
-                links.sky.use(slot("TEX_WORLD"))
             kernel.set(link_count=links.count)
         target.bind_to_image(slot("IMG_0"), read=False, write=True)
         kernel.run_list(voxels.faces.count)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that comes to pixels straight from lights, with shadows."""
+"""Light that comes to pixels straight from lights and emitters, with shadows."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import moderngl
 
 from ..gpu import interface
 from ..gpu.context import GpuContext
+from .emitters import PIXEL_SAMPLES
 from .frame import Frame, LitVoxels, run_tiles
 
 
@@ -40,16 +41,29 @@ class DirectPass:
             | lit.voxels.trace_defines
             | lights.defines(settings)
             | {
+                "HAS_LIGHTS": features.has_lights,
+                "HAS_EMITTERS": features.draws_emitters_at_pixels,
                 "HAS_GLOSSY": features.has_glossy,
                 "HAS_TRANSMISSION": features.has_transmission,
                 "SHADOW_CONES": features.shadow_cones,
             },
         )
+        rays = features.has_lights * lights.count + features.draws_emitters_at_pixels
+        reach = settings.max_distance / lit.voxels.grid.cell_size
 
         def bind() -> None:
             lit.bind(kernel)
             frame.bind(kernel)
-            lights.bind(kernel, settings)
+            if features.has_lights:
+                lights.bind(kernel, settings)
+            if features.draws_emitters_at_pixels:
+                lit.emitters.bind(kernel, PIXEL_SAMPLES)
+                kernel.set(
+                    gathered_rays=settings.rays if features.gathers_emission else 0,
+                    reflected_rays=1 if features.reflects_emission else 0,
+                    max_distance=reach if reach > 0.0 else 1e30,
+                    specular_aperture=settings.specular_aperture,
+                )
             assert self.diffuse is not None
             self.diffuse.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
             if self.glossy is not None:
@@ -66,7 +80,7 @@ class DirectPass:
                 lit.cones.bind(kernel)
                 kernel.set(shadow_cone_angle=settings.shadow_cone_angle)
 
-        yield from run_tiles(self.gpu, "direct", kernel, frame, lights.count, bind)
+        yield from run_tiles(self.gpu, "direct", kernel, frame, rays, bind)
 
     def release(self) -> None:
         """Free everything."""

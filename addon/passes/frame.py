@@ -15,6 +15,7 @@ from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
 from ..settings import Settings
 from .cones import ConeVolume
+from .emitters import EmitterTable
 from .inject import LightTable
 from .surface import SurfacePictures
 from .voxelize import Voxels
@@ -72,11 +73,12 @@ class Frame:
 
 @dataclass(frozen=True)
 class LitVoxels:
-    """Where light comes from: voxels and what leaves their faces, lights, the world."""
+    """Where light comes from: voxels and what their faces pass on, lights, emitters, the world."""
 
     voxels: Voxels
     radiance: moderngl.Texture | None  # of faces; None: nothing looks it up
     lights: LightTable
+    emitters: EmitterTable
     world: WorldLight
     cones: ConeVolume
 

@@ -9,11 +9,12 @@ import moderngl
 
 from ..gpu import interface
 from ..gpu.context import GpuContext
+from .emitters import PIXEL_SAMPLES
 from .frame import Frame, LitVoxels, run_tiles
 
 
 class GatherPass:
-    """Owns the mean incoming radiance at each pixel, and on demand what of it comes straight from the world."""
+    """Owns the mean incoming radiance at each pixel, and on demand what comes straight from the world or emitters."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
@@ -44,6 +45,7 @@ class GatherPass:
             | {
                 "GATHER_CONES": features.gather_cones,
                 "GATHER_OCCLUSION": features.gather_occlusion,
+                "HAS_EMITTERS": features.gathers_emission,
                 "KEEPS_EMITTED": keeps_emitted,
                 "KEEPS_NEARNESS": features.has_reconstruction,
             },
@@ -61,6 +63,10 @@ class GatherPass:
                 self.emitted.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
             if self._nearness is not None:
                 self._nearness.bind_to_image(interface.slot("IMG_2"), read=True, write=True)
+            if features.gathers_emission:
+                lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
+                # Emission is direct light: what multiplies this picture later is divided out.
+                kernel.set(emission_amount=settings.direct_amount / settings.indirect_amount)
             kernel.set(
                 sample_index=frame.index,
                 ray_count=settings.rays,

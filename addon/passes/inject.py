@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light from lights onto voxel faces; the lights' records for all passes."""
+"""Light from lights and emitters onto voxel faces; the lights' records for all passes."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from ..gpu.context import GpuContext, Kernel
 from ..grid import VoxelGrid
 from ..scene import AreaShape, LightData, LightKind
 from ..settings import Settings
+from .bounce import link_count
+from .emitters import FACE_SAMPLES, EmitterTable
 from .voxelize import Voxels
 
 #: Threads times lights in one dispatch: bounds how long a step takes, so that cancelling is quick.
@@ -105,29 +107,43 @@ class LightTable:
 
 
 class InjectPass:
-    """Owns the light that lights send onto all faces."""
+    """Owns the light that lights and emitters send onto all faces."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.irradiance: moderngl.Texture | None = None
 
-    def run(self, voxels: Voxels, lights: LightTable, settings: Settings) -> Iterator[float]:
-        """Trace shadows and sum up irradiance / pi. Yields the share done."""
+    def run(
+        self, voxels: Voxels, lights: LightTable, emitters: EmitterTable | None, settings: Settings
+    ) -> Iterator[float]:
+        """Trace shadows and sum up irradiance / pi. Yields the share done.
+
+        ``emitters``: points are drawn on them, weighed against the links, which look for them too; or None.
+        """
         self.release()
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 4, "f4")
         self.irradiance = irradiance
-        kernel = self.gpu.kernel("inject", voxels.trace_defines | lights.defines(settings))
-        step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, lights.count))
+        kernel = self.gpu.kernel(
+            "inject",
+            voxels.trace_defines
+            | lights.defines(settings)
+            | {"HAS_LIGHTS": lights.count > 0, "HAS_EMITTERS": emitters is not None},
+        )
+        points = lights.count + (FACE_SAMPLES if emitters else 0)
+        step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, points))
         for first in range(0, voxels.faces.count, step):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
                 voxels.faces.bind()
                 voxels.faces.order.use(interface.slot("TEX_FACE_ORDER"))
-                lights.bind(kernel, settings)
+                if lights.count:
+                    lights.bind(kernel, settings)
+                if emitters:
+                    emitters.bind(kernel, FACE_SAMPLES)
                 irradiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 kernel.set(
                     site_first=first, face_count=voxels.faces.count, random_seed=settings.seed,
-                    use_shadows=settings.use_shadows,
+                    use_shadows=settings.use_shadows, link_count=link_count(settings),
                 )  # fmt: skip
                 kernel.run_list(min(step, voxels.faces.count - first))
             yield min(1.0, (first + step) / voxels.faces.count)

@@ -45,10 +45,6 @@ class MaterialSet:
         return any(family.has_diffuse for family in self.compiled.families)
 
     @property
-    def has_emission(self) -> bool:
-        return any(family.has_emission for family in self.compiled.families)
-
-    @property
     def has_transparency(self) -> bool:
         return any(family.has_transparency for family in self.compiled.families)
 

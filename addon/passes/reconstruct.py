@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Neighbouring pixels share the light they gathered, as far as it can be alike."""
+"""Neighbouring pixels share the light that arrives at them, as far as it can be alike."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import moderngl
 
 from ..gpu import interface
-from ..gpu.context import GpuContext, Kernel
+from ..gpu.context import GpuContext
 from .frame import Frame, run_tiles
 
 #: Each level shares light twice as far as the one before: 1, 2, 4, ... pixels.
@@ -25,37 +25,42 @@ COST = 1
 
 
 class ReconstructPass:
-    """Owns the shared light: two pictures that take turns."""
+    """Owns the shared light of one kind, diffuse or glossy: two pictures that take turns."""
 
-    def __init__(self, gpu: GpuContext) -> None:
+    def __init__(self, gpu: GpuContext, *, glossy: bool) -> None:
         self.gpu = gpu
+        self.glossy = glossy
         self._pictures: list[moderngl.Texture] = []
         self._size = (0, 0)
 
     @property
-    def gathered(self) -> moderngl.Texture | None:
-        """As GatherPass.incoming; None: there is nothing to share."""
+    def shared(self) -> moderngl.Texture | None:
+        """What ``run`` was given last, shared; None: nothing was."""
         return self._pictures[0] if self._pictures else None
 
-    def run(self, frame: Frame, gathered: moderngl.Texture) -> Iterator[float]:
-        """Share ``gathered``. Yields the share done."""
+    def run(self, frame: Frame, light: moderngl.Texture) -> Iterator[float]:
+        """Share ``light`` (w: mean of 1 / distance to what it comes from, 1/cells). Yields the share done."""
         if self._size != frame.size:
             self.release()
             self._pictures = [self.gpu.texture("shared light", frame.size, 4, "f4") for _ in range(2)]
             self._size = frame.size
-        kernel = self.gpu.kernel("reconstruct", frame.defines)
-        for level in range(LEVELS):
-            for share in self._level(kernel, frame, gathered, level):
-                yield (level + share) / LEVELS
+        if self.glossy:
+            steps = [(0, 0), *((1, level) for level in range(LEVELS - 1)), (2, LEVELS - 1)]
+        else:
+            steps = [(1, level) for level in range(LEVELS)]
+        for done, (step, level) in enumerate(steps):
+            for share in self._step(frame, light, step, level):
+                yield (done + share) / len(steps)
             self._pictures.reverse()
-            gathered = self._pictures[0]
+            light = self._pictures[0]
 
-    def _level(self, kernel: Kernel, frame: Frame, gathered: moderngl.Texture, level: int) -> Iterator[float]:
+    def _step(self, frame: Frame, light: moderngl.Texture, step: int, level: int) -> Iterator[float]:
         shrunk = (1.0 + frame.index) ** -SHRINKING
+        kernel = self.gpu.kernel("reconstruct", frame.defines | {"GLOSSY": self.glossy, "STEP": step})
 
         def bind() -> None:
             frame.bind(kernel)
-            gathered.use(interface.slot("TEX_GATHERED"))
+            light.use(interface.slot("TEX_GATHERED"))
             self._pictures[1].bind_to_image(interface.slot("IMG_0"), read=False, write=True)
             kernel.set(stride=1 << level, tolerance=TOLERANCE * shrunk, least_radius=LEAST_RADIUS * shrunk)
 

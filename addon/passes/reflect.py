@@ -19,13 +19,15 @@ from ..features import SHARP_REACH, SHARP_WIDTH, SPREAD_OF_ALPHA
 from ..gpu import interface
 from ..gpu.context import GpuContext
 from .direct import DirectPass
+from .emitters import PIXEL_SAMPLES
 from .frame import Frame, LitVoxels, run_tiles
 from .gather import GatherPass
 from .surface import SurfacePass, SurfacePictures, Surfaces
 
 
 class ReflectPass:
-    """Owns the reflected radiance at each pixel, and on demand what of it comes straight from lights or the world.
+    """Owns the reflected radiance at each pixel, and on demand what of it comes straight from lights, emitters or the
+    world.
 
     Where something is sharp, it owns a layer too: what the reflected rays have met last.
     """
@@ -70,7 +72,7 @@ class ReflectPass:
                 return
             layer = _layer_frame(frame, self._layer, number)
             before = number / (1 + layers)
-            for _ in self._shade(layer, lit, surface_pass, surfaces):
+            for _ in self._shade(layer, lit, surface_pass, surfaces, keeps_emitted=keeps_emitted and number == 1):
                 yield before
             for _ in self._reflect(layer, lit, first=False, last=number == layers):
                 yield before
@@ -88,6 +90,7 @@ class ReflectPass:
             | {
                 "HAS_LIGHTS": features.has_lights,
                 "GATHER_OCCLUSION": features.gather_occlusion,
+                "HAS_EMITTERS": features.reflects_emission,
                 "KEEPS_EMITTED": keeps_emitted,
                 "FIRST_LAYER": first,
                 "HAS_LAYERS": self._layer is not None,
@@ -120,6 +123,9 @@ class ReflectPass:
                 self._layer.rays.bind_to_image(slot("IMG_5" if first else "IMG_RAYS"), read=True, write=True)
                 self._followed.bind_to_storage_buffer(slot("BUF_COUNTS"))
                 kernel.set(last_layer=last)
+            if features.reflects_emission:
+                lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
+                kernel.set(emission_amount=settings.direct_amount)
             kernel.set(
                 sample_index=frame.index,
                 random_seed=settings.seed,
@@ -131,7 +137,9 @@ class ReflectPass:
 
         yield from run_tiles(self.gpu, "reflect", kernel, frame, 1, bind)
 
-    def _shade(self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces) -> Iterator[float]:
+    def _shade(
+        self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces, *, keeps_emitted: bool
+    ) -> Iterator[float]:
         """Light that leaves the surfaces that were met, as if the camera saw them; all but what they reflect."""
         features, settings, slot = frame.features, frame.settings, interface.slot
         yield from surface_pass.shade(surfaces, frame.surface, frame.camera, frame.offset, frame.index, settings)
@@ -144,7 +152,11 @@ class ReflectPass:
                 "collect",
                 frame.defines
                 | lit.world.defines
-                | {"HAS_DIRECT": features.has_direct, "HAS_DIFFUSE_GATHER": features.has_diffuse_gather},
+                | {
+                    "HAS_DIRECT": features.has_direct,
+                    "HAS_DIFFUSE_GATHER": features.has_diffuse_gather,
+                    "KEEPS_EMITTED": keeps_emitted,
+                },
             )
             frame.bind(kernel)
             frame.surface.emission.use(slot("TEX_EMISSION"))
@@ -159,6 +171,9 @@ class ReflectPass:
             assert self.radiance is not None and self._throughput is not None
             self.radiance.bind_to_image(slot("IMG_0"), read=True, write=True)
             self._throughput.bind_to_image(slot("IMG_4"), read=True, write=False)
+            if keeps_emitted:
+                assert self.emitted is not None
+                self.emitted.bind_to_image(slot("IMG_1"), read=True, write=True)
             kernel.set(
                 direct_amount=settings.direct_amount if settings.use_direct else 0.0,
                 indirect_amount=settings.indirect_amount if settings.use_indirect else 0.0,

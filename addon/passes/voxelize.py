@@ -37,7 +37,6 @@ class Faces:
     count: int
     place: moderngl.Texture  # rgba32ui
     reflectance: moderngl.Texture  # rgba16, unsigned normalized: half floats would lose energy at each bounce
-    emission: moderngl.Texture | None  # rgba32f
     order: moderngl.Texture  # r32ui: faces, alike ones next to each other
 
     def bind(self) -> None:
@@ -45,8 +44,6 @@ class Faces:
         slot = interface.slot
         self.place.use(slot("TEX_FACE_PLACE"))
         self.reflectance.use(slot("TEX_FACE_REFLECTANCE"))
-        if self.emission is not None:
-            self.emission.use(slot("TEX_FACE_EMISSION"))
 
 
 @dataclass
@@ -199,9 +196,8 @@ class VoxelizePass:
             self._temporary.append(positions)
         yield 0.4
 
-        words = interface.FACE_SUM_WORDS + (interface.EMISSION_SUM_WORDS if materials.has_emission else 0)
         with gpu.timed("voxelize"):
-            sums = gpu.buffer("voxel sums", size=4 * words * voxels.faces.count)
+            sums = gpu.buffer("voxel sums", size=4 * interface.FACE_SUM_WORDS * voxels.faces.count)
             self._temporary.append(sums)
         for index, batch in enumerate(materials.batches):
             for first in range(int(starts[index]), int(starts[index + 1]), PAIRS_PER_STEP):
@@ -209,12 +205,7 @@ class VoxelizePass:
                 with gpu.timed("voxelize"):
                     kernel = gpu.kernel(
                         "voxel_accumulate",
-                        material_pass.defines(batch)
-                        | voxels.trace_defines
-                        | {
-                            "HAS_EMISSION": materials.compiled.families[batch.family].has_emission,
-                            "FLAT_SHADING": True,
-                        },
+                        material_pass.defines(batch) | voxels.trace_defines | {"FLAT_SHADING": True},
                         material_pass.texts(batch),
                     )
                     geometry.bind(kernel)
@@ -227,41 +218,33 @@ class VoxelizePass:
                     voxels.cell_triangles.bind_to_image(slot("IMG_0"), read=False, write=True)
                     if voxels.cell_opacities is not None:
                         voxels.cell_opacities.bind_to_image(slot("IMG_1"), read=False, write=True)
-                    kernel.set(pair_first=first, pair_count=count, sum_words=words)
+                    kernel.set(pair_first=first, pair_count=count)
                     kernel.run_list(count)
                     material_pass.unbind(batch)
                 yield 0.4 + 0.5 * (first + count) / max(int(starts[-1]), 1)
 
         with gpu.timed("voxelize"):
             gpu.barrier()  # sums and lists are complete
-            self._resolve(voxels, materials, sums, positions, facings, words)
+            self._resolve(voxels, sums, positions, facings)
         self.voxels = voxels
         yield 1.0
 
     def _resolve(
-        self,
-        voxels: Voxels,
-        materials: MaterialSet,
-        sums: moderngl.Buffer,
-        positions: moderngl.Texture,
-        facings: np.ndarray,
-        words: int,
+        self, voxels: Voxels, sums: moderngl.Buffer, positions: moderngl.Texture, facings: np.ndarray
     ) -> None:
         gpu, slot = self.gpu, interface.slot
         axes = cell_axes(facings)
         work = gpu.buffer("voxel work", axes)
         self._temporary.append(work)
-        kernel = gpu.kernel("voxel_resolve", {"HAS_EMISSION": materials.has_emission})
+        kernel = gpu.kernel("voxel_resolve")
         voxels.bind(kernel)
-        kernel.set(work_count=len(axes), sum_words=words)
+        kernel.set(work_count=len(axes))
         positions.use(slot("TEX_CELL_POSITIONS"))
         sums.bind_to_storage_buffer(slot("BUF_SUMS"))
         work.bind_to_storage_buffer(slot("BUF_WORK"))
         faces = voxels.faces
         faces.place.bind_to_image(slot("IMG_0"), read=False, write=True)
         faces.reflectance.bind_to_image(slot("IMG_1"), read=False, write=True)
-        if faces.emission is not None:
-            faces.emission.bind_to_image(slot("IMG_2"), read=False, write=True)
         kernel.run_list(len(axes))
         gpu.barrier()  # injection and links read the faces
 
@@ -332,12 +315,10 @@ class VoxelizePass:
             faces,
             gpu.list_texture("faces", faces, 4, "u4"),
             gpu.list_texture("faces", faces, 4, "nu2"),
-            gpu.list_texture("face emission", faces, 4, "f4") if materials.has_emission else None,
             gpu.list_texture("faces", faces, 1, "u4", face_order(records[:cells]) if faces else None),
         )
         self._owned += [
-            cell_texture, triangles, opacities, textures.place, textures.reflectance, textures.emission,
-            textures.order,
+            cell_texture, triangles, opacities, textures.place, textures.reflectance, textures.order,
         ]  # fmt: skip
         voxels = Voxels(
             grid=geometry.grid,

@@ -58,7 +58,7 @@ class VoxelData:
     masks: np.ndarray  # (bricks,) uint64
     cells: np.ndarray  # (cells, 3) int
     records: np.ndarray  # (cells, 4): first triangle, count, first face, face mask
-    faces: np.ndarray  # (faces,) cell, facing, position, normal, reflectance, weight, emission
+    faces: np.ndarray  # (faces,) cell, facing, position, normal, reflectance, weight
     triangles: np.ndarray  # (pairs,) cell by cell
 
     @property
@@ -75,7 +75,7 @@ class VoxelData:
 
 _FACE = np.dtype([
     ("cell", np.int64), ("facing", np.int64), ("position", np.float32, 3), ("normal", np.float64, 3),
-    ("reflectance", np.float32, 3), ("weight", np.float32), ("emission", np.float32, 3),
+    ("reflectance", np.float32, 3), ("weight", np.float32),
 ])  # fmt: skip
 
 
@@ -105,8 +105,6 @@ def read_faces(voxels: Voxels, records: np.ndarray) -> np.ndarray:
     faces["normal"] = _octahedral(place[:, 3])
     reflectance = read_list(voxels.faces.reflectance, count, np.uint16) / np.float32(65535)
     faces["reflectance"], faces["weight"] = reflectance[:, :3], reflectance[:, 3] ** 2 * interface.MAX_FACE_WEIGHT
-    if voxels.faces.emission is not None:
-        faces["emission"] = read_list(voxels.faces.emission, count, np.float32)[:, :3]
     return faces
 
 

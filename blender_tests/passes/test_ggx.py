@@ -46,3 +46,14 @@ def test_sampled_directions_follow_the_lobe(roughness: float, gpu: GpuContext) -
     integrated = np.histogram(strata(COUNT)[:, 0], edges, weights=found[:, 4])[0] / COUNT
     np.testing.assert_allclose(sampled, integrated, atol=0.01)
     np.testing.assert_allclose(np.linalg.norm(found[:, :3], axis=1), 1.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.7])
+def test_density_of_sampled_directions(roughness: float, gpu: GpuContext) -> None:
+    """In each ring of cosines the density integrates to the share of directions that were sent there."""
+    for cosine in (0.3, 0.9):
+        found = lobe(gpu, cosine, roughness)
+        edges = np.linspace(0.0, 1.0, 5)
+        sent = np.histogram(found[:, 2], edges)[0] / COUNT
+        integrated = np.histogram(strata(COUNT)[:, 0], edges, weights=found[:, 6])[0] / COUNT
+        np.testing.assert_allclose(integrated, sent, atol=0.01)

@@ -142,8 +142,9 @@ def test_a_sun_behind_rough_glass(roughness: float, gpu: GpuContext) -> None:
         (scenes.plane(0.5), glass(1.5, roughness)), lights=[sun],
         camera=scenes.camera((0.1, 0.0, -1.0), (0.0, 0.0, 0.0), width=0.1),
     )  # fmt: skip
-    both = picture(gpu, made, scenes.settings(12), (24, 24), 64)
-    rays = picture(gpu, made, scenes.settings(12, use_direct=False), (24, 24), 64)
+    alone = {"use_reconstruction": False}  # sharing between pixels hides the noise
+    both = picture(gpu, made, scenes.settings(12, **alone), (24, 24), 64)
+    rays = picture(gpu, made, scenes.settings(12, **alone, use_direct=False), (24, 24), 64)
     assert both.mean() == pytest.approx(rays.mean(), rel=0.02)
     if roughness > 0.5:
         assert both.std() < 0.5 * rays.std()

@@ -196,6 +196,7 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
     features, passes, programs, memory = report(gpu, scenes.cornell(), scenes.settings(16, bounces=2))
     assert features.names == [
         "geometry", "lights", "diffuse_gather", "reconstruction", "direct", "visible_lights", "radiance", "bounces",
+        "links",
     ]  # fmt: skip
     assert set(passes) - {"compile"} == {
         "materials", "geometry", "voxelize", "inject", "link", "bounce", "visibility", "surface", "light shapes",
@@ -207,9 +208,9 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "reconstruct", "compose", "film",
     }  # fmt: skip
     for absent in (
-        "face emission",
+        "emitters",
         "cell opacities",
-        "sky light of faces",
+        "straight light of faces",
         "world",
         "cone levels",
         "image textures",

@@ -24,8 +24,8 @@ def test_furnace(albedo: float, voxels: int) -> None:
 
 @pytest.mark.parametrize("bounces", [0, 1, 4])
 def test_each_bounce_adds_its_share(bounces: int) -> None:
-    """Emission is seen directly, then reflected once by the gather, and once more by each bounce between voxels."""
+    """Emission is seen directly, then reflected by the gather, by faces, and by each bounce between them."""
     albedo = 0.5
     furnace.scene(albedo)
     picture = rendering.conelight(voxels=32, samples=4, bounces=bounces)[..., :3]
-    assert picture.mean(dtype=np.float64) == pytest.approx(1.0 - albedo ** (bounces + 2), rel=TOLERANCE)
+    assert picture.mean(dtype=np.float64) == pytest.approx(1.0 - albedo ** (bounces + 3), rel=TOLERANCE)

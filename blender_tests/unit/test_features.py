@@ -12,14 +12,26 @@ from addon.scene import LightKind, RayVisibility, SceneData
 from addon.settings import Settings
 from blender_tests.passes import scenes
 
-PLAIN: dict[str, Any] = {
-    "diffuse": True, "emission": False, "transparency": False, "specular": False, "least_roughness": 1.0,
-    "transmission": False, "world": False
-}  # fmt: skip
+PLAIN: dict[str, Any] = dict.fromkeys(
+    ("emission", "small_emitters", "transparency", "specular", "transmission", "world"), False
+) | {"diffuse": True, "least_roughness": 1.0}
 
 
 def features(made: SceneData, settings: Settings | None = None, **has: Any) -> set[str]:
+    """Names of the features; sharing between pixels, which follows gathering, has a test of its own."""
+    return all_features(made, settings, **has) - {"reconstruction"}
+
+
+def all_features(made: SceneData, settings: Settings | None = None, **has: Any) -> set[str]:
     return set(Features.from_scene(made, settings or Settings(), **(PLAIN | has)).names)
+
+
+def test_what_is_gathered_or_reflected_is_shared() -> None:
+    lit = room(lights=[SUN])
+    assert "reconstruction" in all_features(lit)
+    assert "reconstruction" in all_features(lit, Settings(use_indirect=False), specular=True)
+    for settings in (Settings(use_reconstruction=False), Settings(use_indirect=False), Settings(gather_mode="CONES")):
+        assert "reconstruction" not in all_features(lit, settings)
 
 
 def room(**more: Any) -> SceneData:
@@ -38,31 +50,26 @@ def test_nothing_needs_nothing() -> None:
 @pytest.mark.parametrize(
     ("settings", "has", "expected"),
     [
-        ({}, {}, {"geometry", "lights", "direct", "diffuse_gather", "reconstruction", "radiance", "bounces"}),
+        ({}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces"}),
         ({"use_indirect": False}, {}, {"geometry", "lights", "direct"}),
-        ({"use_reconstruction": False}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces"}),
         ({"indirect_amount": 0.0}, {}, {"geometry", "lights", "direct"}),
-        ({"use_direct": False}, {}, {"geometry", "lights", "diffuse_gather", "reconstruction", "radiance", "bounces"}),
-        ({"bounces": 0}, {}, {"geometry", "lights", "direct", "diffuse_gather", "reconstruction", "radiance"}),
+        ({"use_direct": False}, {}, {"geometry", "lights", "diffuse_gather", "radiance", "links", "bounces"}),
+        ({"bounces": 0}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance"}),
         (
             {}, {"specular": True},
-            {"geometry", "lights", "direct", "diffuse_gather", "reconstruction", "radiance", "bounces", "glossy"},
+            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces", "glossy"},
         ),
         (
             {"use_specular": False}, {"specular": True},
-            {"geometry", "lights", "direct", "diffuse_gather", "reconstruction", "radiance", "bounces"},
-        ),
-        (
-            {"gather_mode": "OCCLUSION"}, {},
-            {"geometry", "lights", "direct", "diffuse_gather", "reconstruction", "gather_occlusion"},
+            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces"},
         ),
         (
             {"gather_mode": "CONES"}, {},
-            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "bounces", "gather_cones", "cones"},
+            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces", "gather_cones", "cones"},
         ),
         (
             {"shadow_mode": "CONE", "use_indirect": False}, {},
-            {"geometry", "lights", "direct", "radiance", "bounces", "shadow_cones", "cones"},
+            {"geometry", "lights", "direct", "radiance", "links", "bounces", "shadow_cones", "cones"},
         ),
         ({"shadow_mode": "CONE", "use_indirect": False, "use_shadows": False}, {}, {"geometry", "lights", "direct"}),
     ],
@@ -83,10 +90,44 @@ def test_only_sharp_reflections_are_followed() -> None:
 
 
 def test_light_without_lights() -> None:
-    """Emission or a world alone light a room."""
-    for name in ("emission", "world"):
-        expected = {"geometry", name, "diffuse_gather", "reconstruction", "radiance", "bounces"}
-        assert features(room(), **{name: True}) == expected
+    """A world alone lights a room."""
+    assert features(room(), world=True) == {"geometry", "world", "diffuse_gather", "radiance", "links", "bounces"}
+    assert "links" in features(room(), Settings(bounces=0), world=True)
+
+
+GATHERED = {"geometry", "emission", "diffuse_gather", "radiance", "links", "bounces", "gathers_emission"}
+DRAWN = {"direct", "draws_emitters_at_pixels"}
+
+
+@pytest.mark.parametrize(
+    ("settings", "has", "expected"),
+    [
+        ({}, {}, GATHERED),
+        ({}, {"small_emitters": True}, GATHERED | DRAWN | {"draws_emitters_at_faces"}),
+        # Rays alone do not find all of it: they end early, are cones, or are not sent.
+        ({"max_distance": 1.0}, {}, GATHERED | DRAWN),
+        (
+            {"gather_mode": "CONES"}, {},
+            (GATHERED - {"gathers_emission"}) | DRAWN | {"gather_cones", "cones"},
+        ),
+        (
+            {"gather_mode": "OCCLUSION"}, {},
+            (GATHERED - {"gathers_emission", "radiance", "links", "bounces"}) | DRAWN | {"gather_occlusion"},
+        ),
+        ({"use_indirect": False}, {}, {"geometry", "emission"} | DRAWN),
+        ({"bounces": 0}, {}, GATHERED - {"bounces"}),
+        # Light straight from emitters is direct light.
+        (
+            {"use_direct": False}, {"small_emitters": True},
+            (GATHERED - {"gathers_emission"}) | {"draws_emitters_at_faces"},
+        ),
+        ({}, {"specular": True}, GATHERED | {"glossy", "reflects_emission"}),
+        ({}, {"specular": True, "diffuse": False}, (GATHERED - {"diffuse_gather", "gathers_emission"})
+         | {"glossy", "reflects_emission"}),
+    ],
+)  # fmt: skip
+def test_room_with_emitters(settings: dict[str, Any], has: dict[str, bool], expected: set[str]) -> None:
+    assert features(room(), Settings(**settings), emission=True, **has) == expected
 
 
 @pytest.mark.parametrize(

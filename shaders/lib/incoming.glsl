@@ -1,17 +1,26 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What arrives along a ray: light that surfaces pass on, and light straight from where it is made.
+//
+// The including program may define HAS_WORLD, HAS_EMITTERS (and then sets emission_amount) and GATHER_OCCLUSION.
 
 #include "lib/clamp.glsl"
 #include "lib/radiance.glsl"
+#include "lib/sampling.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
+#endif
+
+#if HAS_EMITTERS
+#include "lib/emitter.glsl"
+
+uniform float emission_amount;   // factor on what emitters send
 #endif
 
 uniform float max_distance;      // cells
 
 struct Incoming {
     vec3 bounced;    // off a surface, W/(m2 sr)
-    vec3 emitted;    // straight from the world
+    vec3 emitted;    // straight from the world or an emitter
     float distance;  // of the surface, cells; max_distance when none was met
 };
 
@@ -24,8 +33,12 @@ vec3 world_or_black(vec3 direction)
 #endif
 }
 
-// What the ray that has met `hit`, or nothing, brings. GATHER_OCCLUSION: surfaces pass nothing on.
-Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, uint seed)
+// Rays that alone can find an emitter: no points were drawn on emitters from where they start.
+const float ONLY_RAYS = 1e30;
+
+// What the ray that has met `hit`, or nothing, brings. GATHER_OCCLUSION: surfaces pass nothing on. `density`: rays that the
+// caller sends for each steradian there, which weighs the emission they meet against points drawn on emitters; or ONLY_RAYS.
+Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, float density, uint seed)
 {
     Incoming found = Incoming(vec3(0.0), vec3(0.0), hit.distance);
     if (hit.triangle == NONE_INDEX) {
@@ -34,13 +47,16 @@ Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, uint seed)
 #if !GATHER_OCCLUSION
     else {
         found.bounced = limited(face_radiance(face_at_hit(origin + direction * hit.distance, hit, hash(seed, 0x2545F4u))));
+#if HAS_EMITTERS
+        found.emitted = emission_amount * emission_met(hit.triangle, origin, direction, hit.distance, density);
+#endif
     }
 #endif
     return found;
 }
 
-Incoming incoming(vec3 origin, vec3 direction, uint ray_mask, uint seed)
+Incoming incoming(vec3 origin, vec3 direction, uint ray_mask, float density, uint seed)
 {
     Hit hit = trace(origin, direction, max_distance, ray_mask, GATHER_OCCLUSION != 0, seed);
-    return incoming_from(hit, origin, direction, seed);
+    return incoming_from(hit, origin, direction, density, seed);
 }

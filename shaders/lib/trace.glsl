@@ -26,7 +26,6 @@ struct Hit {
 float solid_distance = 0.0;
 #endif
 
-const float RAY_START = 1e-3;  // cells: how far along the normal a ray starts above the surface it leaves
 
 // The first triangle that the ray meets (or, with `any_hit`, any) among those that rays of kind `ray_mask` see.
 // origin, direction (unit) and limit in grid space. `seed` decides at partly transparent surfaces.

@@ -1,25 +1,23 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Radiance of voxel faces. FIRST: what lights send off them, and what they emit.
-// Otherwise one bounce more: L <- emission + reflectance * (light from lights + mean of L over the links + sky).
-// Jacobi iteration; it converges, as reflectance is at most 1 and what leaves the scene is lost.
-// Input: faces, irradiance, links, sky_tex, face_radiance_tex.    Output: radiance_img, W/(m2 sr).
+// Radiance that voxel faces pass on; what they emit themselves is not in it. FIRST: of light straight from where it is
+// made: injected, and brought by links from the world and from emitters. Otherwise one bounce more: L <- reflectance *
+// (that light + mean of L over the links). Jacobi iteration; it converges, as reflectance is at most 1 and what leaves
+// the scene is lost.
+// Input: faces, irradiance, links, straight_tex, face_radiance_tex.    Output: radiance_img, W/(m2 sr).
 
 #include "lib/face.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
-#if HAS_LIGHTS
+#if HAS_INJECTED
 layout(binding = TEX_FACE_IRRADIANCE) uniform sampler2D face_irradiance_tex;
 #endif
-#if HAS_EMISSION
-layout(binding = TEX_FACE_EMISSION) uniform sampler2D face_emission_tex;
+#if HAS_STRAIGHT
+layout(binding = TEX_FACE_STRAIGHT) uniform sampler2D straight_tex;
 #endif
 #if !FIRST
 layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_radiance_tex;
 layout(binding = TEX_LINKS) uniform usampler2D links_tex;
-#if HAS_WORLD
-layout(binding = TEX_WORLD) uniform sampler2D sky_tex;
-#endif
 uniform uint link_count;
 #endif
 layout(binding = IMG_0, rgba32f) writeonly uniform image2D radiance_img;
@@ -33,8 +31,11 @@ void main()
         return;
     }
     vec3 incoming = vec3(0.0);
-#if HAS_LIGHTS
+#if HAS_INJECTED
     incoming += texelFetch(face_irradiance_tex, list_texel(face), 0).rgb;
+#endif
+#if HAS_STRAIGHT
+    incoming += texelFetch(straight_tex, list_texel(face), 0).rgb;
 #endif
 #if !FIRST
     vec3 sum = vec3(0.0);
@@ -47,13 +48,7 @@ void main()
         }
     }
     incoming += sum / float(link_count);
-#if HAS_WORLD
-    incoming += texelFetch(sky_tex, list_texel(face), 0).rgb;
-#endif
 #endif
     vec3 radiance = fetch_face_reflectance(face).rgb * incoming;
-#if HAS_EMISSION
-    radiance += texelFetch(face_emission_tex, list_texel(face), 0).rgb;
-#endif
     imageStore(radiance_img, list_texel(face), vec4(finite_or_zero(radiance), 0.0));
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light that leaves the surfaces of a layer towards where its rays came from, added to the reflections of the picture.
 // Input: surface pictures, rays and throughput of the layer, direct and indirect light on it, the world.
-// Output: radiance_img.
+// Output: radiance_img. KEEPS_EMITTED: emitted_img: what of it is emission.
 
 #include "lib/clamp.glsl"
 #include "lib/pixel.glsl"
@@ -19,6 +19,9 @@ layout(binding = TEX_DIRECT_GLOSSY) uniform sampler2D direct_glossy_tex;
 layout(binding = TEX_GATHERED) uniform sampler2D gathered_tex;
 #endif
 layout(binding = IMG_0, rgba32f) uniform image2D radiance_img;
+#if KEEPS_EMITTED
+layout(binding = IMG_1, rgba32f) uniform image2D emitted_img;
+#endif
 layout(binding = IMG_4, rgba32f) readonly uniform image2D throughput_img;
 
 uniform float direct_amount;
@@ -37,8 +40,9 @@ void main()
     }
     Pixel p = fetch_pixel(at);
     vec3 light = vec3(0.0);
+    vec3 emitted = vec3(0.0);
     if (p.is_surface) {
-        light = texelFetch(emission_tex, at, 0).rgb;
+        emitted = throughput * texelFetch(emission_tex, at, 0).rgb * emission_share(at);
 #if HAS_DIRECT
         light += direct_amount * (p.diffuse * texelFetch(direct_diffuse_tex, at, 0).rgb +
                                   specular_amount * texelFetch(direct_glossy_tex, at, 0).rgb);
@@ -49,5 +53,10 @@ void main()
     } else {
         light = world_along(pixel_ray(at).direction);  // all that the ray met let this pass through
     }
-    imageStore(radiance_img, at, imageLoad(radiance_img, at) + vec4(finite_or_zero(throughput * limited(light)), 0.0));
+    emitted = finite_or_zero(emitted);
+    light = finite_or_zero(throughput * limited(light)) + emitted;
+    imageStore(radiance_img, at, imageLoad(radiance_img, at) + vec4(light, 0.0));
+#if KEEPS_EMITTED
+    imageStore(emitted_img, at, imageLoad(emitted_img, at) + vec4(emitted, 0.0));
+#endif
 }

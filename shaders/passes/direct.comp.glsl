@@ -1,10 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Light straight from lights at each pixel, with shadows of the lights' real size: one point on each light a pass.
-// Input: surface pictures, lights, triangles of cells.
+// Light straight from lights (HAS_LIGHTS) and emitters (HAS_EMITTERS) at each pixel, with shadows of their real size: in
+// each pass one point on each light, and one point on all emitters, chosen among several by what it would bring.
+// Input: surface pictures, lights, emitters, triangles of cells.
 // Output: diffuse_out: irradiance / pi, W/(m2 sr), to be multiplied by the diffuse reflectance; glossy_out: radiance.
 
 #include "lib/trace.glsl"
+#include "lib/sampling.glsl"
+#if HAS_LIGHTS
 #include "lib/light.glsl"
+#endif
+#if HAS_EMITTERS
+#include "lib/emitter.glsl"
+#endif
 #include "lib/pixel.glsl"
 #include "lib/ray.glsl"
 #if HAS_GLOSSY
@@ -27,8 +34,61 @@ uniform uint random_seed;
 uniform bool use_shadows;
 uniform float shadow_amount;
 uniform float shadow_cone_angle;
-#if HAS_GLOSSY
+#if HAS_GLOSSY || HAS_EMITTERS
 uniform float specular_aperture;
+#endif
+#if HAS_EMITTERS
+// Rays that look for emitters too: gathered and reflected in this pass, and how far they reach.
+uniform float gathered_rays;
+uniform float reflected_rays;
+uniform float max_distance;      // cells
+
+// Talbot, Cline and Egbert 2005, "Importance Resampling for Global Illumination": candidates drawn by power, one kept by
+// what it would bring unshadowed. MIS weights are those of the candidates: any that add up to 1 are right.
+void add_emitters(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed, inout vec3 diffuse, inout vec3 glossy)
+{
+    float alpha = max(p.alpha * specular_aperture, 1e-4);
+    float total = 0.0, chosen = 0.0, distance = 0.0;
+    vec3 direction = vec3(0.0), chosen_diffuse = vec3(0.0), chosen_glossy = vec3(0.0);
+    uint candidates = uint(emitter_samples);
+    for (uint i = 0u; i < candidates; ++i) {
+        uint index = sample_index * candidates + i;
+        uint candidate_seed = hash(seed, index);
+        EmitterSample s = sample_emitter(origin, sample_2d(index, seed), candidate_seed);
+        float cosine = dot(p.normal, s.direction);
+        float density = emitter_samples * s.density;
+        if (dot(p.geometric_normal, s.direction) <= 0.0 || density <= 0.0) {
+            continue;
+        }
+        bool in_reach = s.distance <= max_distance;
+        vec3 on_diffuse = vec3(0.0), on_glossy = vec3(0.0);
+        if ((s.flags & RAY_DIFFUSE) != 0u && cosine > 0.0) {
+            float weight = mis_weight(density, in_reach ? gathered_rays * cosine / PI : 0.0);
+            on_diffuse = s.radiance * (cosine / PI * weight / density);
+        }
+#if HAS_GLOSSY
+        if ((s.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
+            float other = ggx_density(glossy_normal, view, s.direction, alpha);
+            float weight = mis_weight(density, in_reach ? reflected_rays * other : 0.0);
+            on_glossy = s.radiance * ggx_reflection(glossy_normal, view, s.direction, alpha, p.f0, p.f90, p.ior) *
+                        (weight / density);
+        }
+#endif
+        float value = luminance(p.diffuse * on_diffuse + on_glossy);
+        total += value;
+        if (value > 0.0 && unit_float(hash(candidate_seed, 0xA511E9u)) * total < value) {
+            chosen = value;
+            chosen_diffuse = on_diffuse;
+            chosen_glossy = on_glossy;
+            direction = s.direction;
+            distance = s.distance;
+        }
+    }
+    if (chosen > 0.0 && !is_blocked(origin, direction, distance - RAY_START, hash(seed, sample_index + 0x3C6EF3u))) {
+        diffuse += chosen_diffuse * (total / chosen);
+        glossy += chosen_glossy * (total / chosen);
+    }
+}
 #endif
 
 void main()
@@ -43,10 +103,15 @@ void main()
     if (p.is_surface) {
         vec3 direction = pixel_ray(at).direction;
         vec3 origin = p.position + p.geometric_normal * RAY_START;
+        vec3 glossy_normal = p.normal;
 #if HAS_GLOSSY
-        vec3 glossy_normal = valid_reflection_normal(p.geometric_normal, -direction, p.normal);
+        glossy_normal = valid_reflection_normal(p.geometric_normal, -direction, p.normal);
 #endif
         uint pixel_seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
+#if HAS_EMITTERS
+        add_emitters(p, origin, -direction, glossy_normal, hash(pixel_seed, 0x7F4A7Cu), diffuse, glossy);
+#endif
+#if HAS_LIGHTS
         for (uint k = 0u; k < light_count; ++k) {
             Light light = fetch_light(lights_tex, k);
             uint seed = hash(pixel_seed + k, 0xD1B54Au);
@@ -96,6 +161,7 @@ void main()
             diffuse += on_diffuse * visible;
             glossy += on_glossy * visible;
         }
+#endif
     }
     imageStore(diffuse_out, at, vec4(finite_or_zero(diffuse), 0.0));
 #if HAS_GLOSSY

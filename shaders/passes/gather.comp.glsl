@@ -2,7 +2,7 @@
 // Diffuse light at each pixel: what leaves the voxel faces that stratified rays meet, and the world's light.
 // Input: surface pictures, faces' radiance, triangles of cells.
 // Output: incoming_out: mean incoming radiance, to be multiplied by the diffuse reflectance.
-// KEEPS_EMITTED: emitted_out: what of it comes straight from the world.
+// KEEPS_EMITTED: emitted_out: what of it comes straight from the world or an emitter.
 // KEEPS_NEARNESS: nearness_img: sum over passes of the mean of 1 / distance, 1/cells; w of incoming_out: its mean.
 
 #include "lib/incoming.glsl"
@@ -55,7 +55,8 @@ void main()
             uint index = sample_index * ray_count + k;
             vec3 direction = sample_cosine(p.normal, sample_2d(index, shift));
             if (dot(direction, p.geometric_normal) > 0.0) {
-                Incoming found = incoming(origin, direction, RAY_DIFFUSE, hash(seed, index));
+                float density = float(ray_count) * dot(direction, p.normal) / PI;
+                Incoming found = incoming(origin, direction, RAY_DIFFUSE, density, hash(seed, index));
                 bounced += found.bounced;
                 emitted += found.emitted;
                 nearness += 1.0 / max(found.distance, 1e-3);
@@ -74,6 +75,6 @@ void main()
 #endif
     imageStore(incoming_out, at, vec4(finite_or_zero(bounced + emitted), nearness));
 #if KEEPS_EMITTED
-    imageStore(emitted_out, at, vec4(finite_or_zero(emitted), 0.0));
+    imageStore(emitted_out, at, vec4(finite_or_zero(emitted), nearness));
 #endif
 }

@@ -1,11 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Direct light that falls on each voxel face.
-// Input: faces, lights, triangles of cells.    Output: irradiance_img: irradiance / pi, W/(m2 sr).
+// Light that falls on each voxel face straight from lights (HAS_LIGHTS) and from points drawn on emitters (HAS_EMITTERS).
+// Input: faces, lights, emitters, triangles of cells.    Output: irradiance_img: irradiance / pi, W/(m2 sr).
 // Follows Crassin et al. 2011, "Interactive Indirect Illumination Using Voxel Cone Tracing".
 // Differs: visibility is a ray against the geometry for occupied voxels only, not a light-view map or a march.
 
 #include "lib/site.glsl"
+#include "lib/sampling.glsl"
+#if HAS_LIGHTS
 #include "lib/light.glsl"
+#endif
+#if HAS_EMITTERS
+#include "lib/emitter.glsl"
+#endif
 
 layout(local_size_x = GROUP_SIZE) in;
 
@@ -13,16 +19,14 @@ layout(binding = IMG_0, rgba32f) writeonly uniform image2D irradiance_img;
 
 uniform uint random_seed;
 uniform bool use_shadows;
+uniform float link_count;  // rays that look for emitters too, cosine-distributed (pass link)
 
 // Points on a light that has a size; one suffices for the others.
 const uint SAMPLES = 4u;
 
-void main()
+#if HAS_LIGHTS
+vec3 light_from_lights(Site site)
 {
-    Site site = site_of_thread();
-    if (site.face == NONE_INDEX) {
-        return;
-    }
     vec3 irradiance = vec3(0.0);
     for (uint k = 0u; k < light_count; ++k) {
         Light light = fetch_light(lights_tex, k);
@@ -45,5 +49,42 @@ void main()
         }
         irradiance += sum / float(samples);
     }
+    return irradiance;
+}
+#endif
+
+#if HAS_EMITTERS
+vec3 light_from_emitters(Site site)
+{
+    vec3 irradiance = vec3(0.0);
+    uint seed = hash(hash(site.face) + 0x68E31Du, random_seed);
+    for (uint i = 0u; i < uint(emitter_samples); ++i) {
+        EmitterSample s = sample_emitter(site.origin, sample_2d(i, seed), hash(seed, i));
+        float cosine = dot(site.normal, s.direction);
+        float density = emitter_samples * s.density;
+        if (cosine <= 0.0 || density <= 0.0 || max_component(s.radiance) <= 0.0 || (s.flags & RAY_DIFFUSE) == 0u) {
+            continue;
+        }
+        bool blocked = is_blocked(site.origin, s.direction, s.distance - RAY_START, hash(seed, i + 0x517CC1u));
+        float weight = mis_weight(density, link_count * cosine / PI);
+        irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
+    }
+    return irradiance;
+}
+#endif
+
+void main()
+{
+    Site site = site_of_thread();
+    if (site.face == NONE_INDEX) {
+        return;
+    }
+    vec3 irradiance = vec3(0.0);
+#if HAS_LIGHTS
+    irradiance += light_from_lights(site);
+#endif
+#if HAS_EMITTERS
+    irradiance += light_from_emitters(site);
+#endif
     imageStore(irradiance_img, list_texel(site.face), vec4(finite_or_zero(irradiance / PI), 0.0));
 }

@@ -1,8 +1,10 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Which faces does each voxel face see? Cosine-distributed rays, exact against the geometry, end at other faces: these
 // are its links, a Monte Carlo estimate of form factors. They depend on geometry alone, so bounces and changes of light
-// trace nothing. Rays that leave the scene bring the world's light, averaged here.
-// Input: faces, triangles of cells.    Output: link_img (link_count numbers of faces for each face), sky_img: W/(m2 sr), mean over all rays.
+// trace nothing. Rays that leave the scene bring the world's light, those that meet an emitter its light, weighed against
+// the points that pass inject draws there; both are averaged here.
+// Input: faces, emitters, triangles of cells.
+// Output: link_img (link_count numbers of faces for each face), straight_img: W/(m2 sr), mean over all rays.
 // Follows Keller 1997, "Instant Radiosity", and Szirmay-Kalos 1999, "Stochastic Iteration for Non-diffuse Global
 // Illumination"; differs: one fixed set of rays serves all iterations, so that they are products with a sparse matrix.
 
@@ -12,12 +14,15 @@
 #if HAS_WORLD
 #include "lib/world.glsl"
 #endif
+#if HAS_EMITTERS
+#include "lib/emitter.glsl"
+#endif
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
-#if HAS_WORLD
-layout(binding = IMG_1, rgba32f) writeonly uniform image2D sky_img;
+#if HAS_WORLD || HAS_EMITTERS
+layout(binding = IMG_1, rgba32f) writeonly uniform image2D straight_img;
 #endif
 
 uniform uint link_count;  // a multiple of four
@@ -31,17 +36,21 @@ void main()
     }
     uint seed = hash(site.face, random_seed);
     uvec4 links;
-    vec3 sky = vec3(0.0);
+    vec3 straight = vec3(0.0);
     for (uint k = 0u; k < link_count; ++k) {
         vec3 direction = sample_cosine(site.normal, sample_2d(k, seed));
         Hit hit = trace(site.origin, direction, 1e30, RAY_DIFFUSE, false, hash(seed, k));
         uint link = NONE_INDEX;
         if (hit.triangle != NONE_INDEX) {
             link = face_at_hit(site.origin + direction * hit.distance, hit, hash(seed + k, 0x9E3779u));
+#if HAS_EMITTERS
+            float density = float(link_count) * dot(direction, site.normal) / PI;
+            straight += emission_met(hit.triangle, site.origin, direction, hit.distance, density);
+#endif
         }
 #if HAS_WORLD
         else {
-            sky += world_along(direction);
+            straight += world_along(direction);
         }
 #endif
         links[k & 3u] = link;
@@ -49,7 +58,7 @@ void main()
             imageStore(link_img, list_texel((site.face * link_count + k) / 4u), links);
         }
     }
-#if HAS_WORLD
-    imageStore(sky_img, list_texel(site.face), vec4(sky / float(link_count), 0.0));
+#if HAS_WORLD || HAS_EMITTERS
+    imageStore(straight_img, list_texel(site.face), vec4(finite_or_zero(straight / float(link_count)), 0.0));
 #endif
 }

@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// One level of an edge-avoiding wavelet filter over the gathered light: each pixel takes the mean of nine pixels, `stride`
+// One level of an edge-avoiding wavelet filter over light at pixels: each pixel takes the mean of nine pixels, `stride`
 // apart, weighted by how alike their light can be.
 // Dammertz et al. 2010, "Edge-Avoiding A-Trous Wavelet Transform for Fast Global Illumination Filtering". Differs:
 // - Weights follow the error bound of irradiance caching: light is shared widely in the open, and hardly where surfaces
 //   are near. Ward et al. 1988, "A Ray Tracing Solution for Diffuse Interreflection".
 // - Pixels on opposite sides get the same weight, the smaller one, so that gradients stay what they are up to edges.
+// GLOSSY: reflections. Light is shared as radiance that arrives within the lobe: what the surface reflects is taken out
+// before (STEP 0, which shares nothing) and put back after the last level (STEP 2). The narrower the lobe, the less may
+// directions differ: between them, w is divided by its width.
 // Input: surface pictures, gathered_tex (w: mean of 1 / distance to surfaces, 1/cells).    Output: gathered_out, the same.
 
 #include "lib/pixel.glsl"
 #include "lib/camera.glsl"
+#if GLOSSY
+#include "lib/closure.glsl"
+#endif
 
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 
@@ -20,13 +26,27 @@ uniform int stride;            // pixels
 uniform float tolerance;       // error at which a weight becomes zero: a share of the light
 uniform float least_radius;    // pixels: light is shared so far even where surfaces are near
 
-// The error that light from another point may have, as a share of it: how far that point is, against the distance of what
-// surrounds it, how much it turns, and how far off the tangent plane it lies.
-float sharing_error(vec3 apart, float nearness, vec3 normal, vec3 other_normal, vec3 geometric)
+#if GLOSSY
+// Share of the light within the lobe that the surface at a pixel reflects.
+vec3 specular_color(ivec2 at)
 {
-    float distance = length(apart);
-    float off_plane = abs(dot(apart, geometric)) / max(distance, 1e-6);
-    return distance * nearness + sqrt(max(0.0, 1.0 - dot(normal, other_normal))) + off_plane;
+    Pixel p = fetch_pixel(at);
+    vec3 origin, direction;
+    camera_ray(at, origin, direction);
+    float cosine = abs(dot(direction, p.normal));
+    return max(specular_directional_albedo(p.f0, p.f90, p.ior, sqrt(p.alpha), cosine) + p.transmission, 1e-3);
+}
+#endif
+
+// Tangent of half the angle that holds about half of the lobe.
+float lobe_width(ivec2 at)
+{
+#if GLOSSY
+    float roughness = texelFetch(diffuse_tex, at, 0).w;
+    return max(2.0 * roughness * roughness, 1e-4);
+#else
+    return 1.0;
+#endif
 }
 
 void main()
@@ -35,15 +55,20 @@ void main()
     if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
+#if GLOSSY && STEP == 0
+    vec4 light = texelFetch(gathered_tex, at, 0);
+    imageStore(gathered_out, at, vec4(light.rgb, light.w) / vec4(specular_color(at), lobe_width(at)));
+#else
     vec4 position = texelFetch(position_tex, at, 0);
-    vec4 center = texelFetch(gathered_tex, at, 0);
     vec4 normals = 2.0 * texelFetch(normal_tex, at, 0) - 1.0;
     vec3 normal = octahedral_decode(normals.xy);
     vec3 geometric = octahedral_decode(normals.zw);
+    vec4 center = texelFetch(gathered_tex, at, 0);
+    float lobe = lobe_width(at);
     vec3 origin, direction;
     camera_ray(at, origin, direction);
-    float footprint = pixel_footprint(dot(position.xyz - origin, direction), direction);
-    float most = tolerance / max(footprint * least_radius, 1e-12);
+    float away = dot(position.xyz - origin, direction);
+    float most = tolerance / max(pixel_footprint(away, direction) * least_radius * min(lobe, 1.0), 1e-12);
 
     vec4 sum = center * 4.0;  // weights 1 2 1, 2 4 2, 1 2 1
     float weights = 4.0;
@@ -54,11 +79,27 @@ void main()
         for (int side = -1; side <= 1; side += 2) {
             ivec2 there = clamp(at + step * (side * stride), ivec2(0), picture_size - 1);
             vec4 other_position = texelFetch(position_tex, there, 0);
-            vec4 other = texelFetch(gathered_tex, there, 0);
             vec3 other_normal = octahedral_decode(2.0 * texelFetch(normal_tex, there, 0).xy - 1.0);
+            vec4 other = texelFetch(gathered_tex, there, 0);
+            // The error that light from there may have, as a share of it: how far that point is, against the distance of
+            // what surrounds it, how much it turns, and how far off the tangent plane it lies.
+            vec3 apart = other_position.xyz - position.xyz;
+            float distance = length(apart);
+            float turn = sqrt(max(0.0, 1.0 - dot(normal, other_normal)));
+            float off_plane = abs(dot(apart, geometric)) / max(distance, 1e-6);
             float nearness = min(most, sqrt(center.w * other.w));
-            float error = sharing_error(other_position.xyz - position.xyz, nearness, normal, other_normal, geometric);
+#if GLOSSY
+            // Directions differ by the parallax of what is mirrored, and twice as much as normals do.
+            float error = distance * nearness + 2.0 * sqrt(2.0) * turn / lobe + off_plane;
+#else
+            float error = distance * nearness + turn + off_plane;
+#endif
             bool usable = there == at + step * (side * stride) && other_position.w == 1.0;
+#if GLOSSY
+            // Where lobes take turns, those of another width have other light.
+            float other_lobe = lobe_width(there);
+            usable = usable && max(lobe, other_lobe) < 2.0 * min(lobe, other_lobe);
+#endif
             weight = usable ? min(weight, max(0.0, 1.0 - error / tolerance)) : 0.0;
             pair += other;
         }
@@ -66,5 +107,10 @@ void main()
         sum += weight > 0.0 ? pair * weight : vec4(0.0);
         weights += 2.0 * weight;
     }
-    imageStore(gathered_out, at, sum / weights);
+    sum /= weights;
+#if GLOSSY && STEP == 2
+    sum.rgb *= specular_color(at);
+#endif
+    imageStore(gathered_out, at, sum);
+#endif
 }

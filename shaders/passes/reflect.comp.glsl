@@ -3,9 +3,10 @@
 // normals, meets: surfaces, lights, the world. A surface that is met is looked up in the voxels where the ray stands for
 // an area at least as large as they are; nearer, it is followed: it is left to the next layer, which shades it for itself.
 // FIRST_LAYER: what the camera sees.    HAS_LAYERS: there may be a next one.
-// Input: surface pictures and rays of the layer, faces' radiance, triangles of cells, lights.
-// Output: radiance_img: reflected radiance, added up over layers. KEEPS_EMITTED: emitted_out: what of it comes straight
-// from lights or the world. HAS_LAYERS: rays_img, seen_img, throughput_img of the next layer, which has no surfaces yet.
+// Input: surface pictures and rays of the layer, faces' radiance, triangles of cells, lights, emitters.
+// Output: radiance_img: reflected radiance, added up over layers; w: 1 / distance of what the first met, 1/cells.
+// KEEPS_EMITTED: emitted_out: what of it comes straight from lights, emitters or the world. HAS_LAYERS: rays_img, seen_img,
+// throughput_img of the next layer, which has no surfaces yet.
 
 #include "lib/incoming.glsl"
 #include "lib/sampling.glsl"
@@ -62,6 +63,7 @@ void main()
     Pixel p = fetch_pixel(at);
     vec3 bounced = vec3(0.0);
     vec3 emitted = vec3(0.0);
+    float nearness = 0.0;
     uint seen = 0u;
     vec3 throughput = vec3(amount);
     float lobe_width = 0.0;
@@ -132,7 +134,10 @@ void main()
 #endif
 #endif
             Hit hit = trace(origin, direction, max_distance, ray_mask, GATHER_OCCLUSION != 0, hash(seed, 3u + sample_index));
-            Incoming found = incoming_from(hit, origin, direction, hash(seed, 5u + sample_index));
+            // Points on emitters are drawn for what is reflected outside of glass.
+            bool only_rays = passes || p.is_inside;
+            float density = only_rays ? ONLY_RAYS : ggx_density(normal, view, direction, alpha);
+            Incoming found = incoming_from(hit, origin, direction, density, hash(seed, 5u + sample_index));
 #if HAS_LIGHTS
             for (uint k = 0u; k < light_count; ++k) {
                 float light_distance;
@@ -155,25 +160,34 @@ void main()
 #endif
 #if HAS_LAYERS
             if (hit.triangle != NONE_INDEX && hit.distance < reach) {
+                // The next layer asks the material what it emits; here is known how much of that this ray shall bring.
+                float share = 0.0;
+#if HAS_EMITTERS
+                float whole = luminance(emission_met(hit.triangle, origin, direction, hit.distance, ONLY_RAYS));
+                share = whole > 0.0 ? luminance(found.emitted) / whole : emission_amount;
+#endif
                 found.bounced = vec3(0.0);
+                found.emitted = vec3(0.0);
                 seen = hit.triangle + 1u;
                 imageStore(rays_img, ivec2(2 * at.x, at.y), vec4(next.origin, next.width));
-                imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(next.direction, next.spread));
+                imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(octahedral_encode(next.direction), next.spread, share));
                 atomicAdd(followed, 1u);
             }
 #endif
+            // Light that glass bends and light that it reflects have nothing in common, near as it may be.
+            nearness = 1.0 / max(p.is_glass ? 0.0 : found.distance, 1e-3);
             bounced = found.bounced * throughput;
             emitted = found.emitted * throughput;
         }
     }
     vec3 radiance = finite_or_zero(bounced + emitted);
 #if FIRST_LAYER
-    imageStore(radiance_img, at, vec4(radiance, 0.0));
+    imageStore(radiance_img, at, vec4(radiance, nearness));
 #if KEEPS_EMITTED
-    imageStore(emitted_out, at, vec4(finite_or_zero(emitted), 0.0));
+    imageStore(emitted_out, at, vec4(finite_or_zero(emitted), nearness));
 #endif
 #else
-    imageStore(radiance_img, at, vec4(imageLoad(radiance_img, at).rgb + radiance, 0.0));
+    imageStore(radiance_img, at, imageLoad(radiance_img, at) + vec4(radiance, 0.0));
 #endif
 #if HAS_LAYERS
     imageStore(seen_img, at, uvec4(seen));

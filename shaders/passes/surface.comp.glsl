@@ -98,8 +98,12 @@ void main()
     vec2 barycentric;
     float distance;
     intersect_plane(t, ray.origin, ray.direction, barycentric, distance);
-    barycentric = clamp(barycentric, 0.0, 1.0);
-    barycentric /= max(1.0, barycentric.x + barycentric.y);
+    // Kept off the triangle's edges by as much as rays start above it: a point that lies exactly where walls meet would see
+    // past one of them.
+    float longest = max(max(length(t.edge_1), length(t.edge_2)), length(t.edge_2 - t.edge_1));
+    vec3 weights = vec3(1.0 - barycentric.x - barycentric.y, barycentric);
+    weights = max(weights, min(2.0 * RAY_START / max(longest, 1e-20), 0.3));
+    barycentric = weights.yz / (weights.x + weights.y + weights.z);
     vec3 position = t.corner + t.edge_1 * barycentric.x + t.edge_2 * barycentric.y;
     float footprint = ray.width + ray.spread * length(position - ray.origin);
     ShadingPoint point = shading_point(t, barycentric, -ray.direction, footprint);

@@ -24,7 +24,6 @@ layout(binding = IMG_1, r8) writeonly uniform image2D cell_opacity_img;
 
 uniform uint pair_first;
 uniform uint pair_count;
-uniform uint sum_words;  // of one face
 
 // Rounds up or down at random, right on average: what is smaller than the unit is not lost. The random number depends
 // on triangle and cell alone.
@@ -33,19 +32,6 @@ uint fixed_point(float value, uint random)
     float scaled = clamp(value * FIXED_ONE, 0.0, 4.0e9);
     return uint(floor(scaled)) + (unit_float(random) < fract(scaled) ? 1u : 0u);
 }
-
-#if HAS_EMISSION
-void add_64(uint at, float value)
-{
-    // 32.32: the low word's carry is known from what was there before, so this sum does not depend on order either.
-    value = clamp(value, 0.0, 4.0e9);
-    float whole = floor(value);
-    uint low = uint(min((value - whole) * 4294967296.0, 4294967040.0));
-    uint before = atomicAdd(sums[at], low);
-    uint carry = before + low < before ? 1u : 0u;
-    atomicAdd(sums[at + 1u], uint(whole) + carry);
-}
-#endif
 
 void main()
 {
@@ -94,15 +80,12 @@ void main()
         axis = (axis + 1) % 3;
     }
     uint facing = uint(2 * axis) + (normal[axis] < 0.0 ? 1u : 0u);
-    uint at = face_index(record, facing) * sum_words;
+    uint at = face_index(record, facing) * FACE_SUM_WORDS;
     uint random = hash(pair.x, packed_position);
     atomicAdd(sums[at], fixed_point(area, random));
     for (uint k = 0u; k < 3u; ++k) {
         random = hash(random);
         atomicAdd(sums[at + 1u + k], fixed_point(area * reflectance[k], random));
         atomicAdd(sums[at + 4u + k], fixed_point(area * inside[k], random << 5));
-#if HAS_EMISSION
-        add_64(at + FACE_SUM_WORDS + 2u * k, area * surface.emission[k] / max(opacity, 1e-3));
-#endif
     }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // From sums to faces: means, and the point of the surface that each face stands for.
-// Input: sums, cells with their positions, triangles.    Output: place_img, reflectance_img, emission_img of the faces.
+// Input: sums, cells with their positions, triangles.    Output: place_img, reflectance_img of the faces.
 
 #include "lib/grid.glsl"
 #include "lib/triangle.glsl"
@@ -15,37 +15,25 @@ layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
 layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cell | axis << 30
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
 layout(binding = IMG_1, rgba16) writeonly uniform image2D reflectance_img;
-#if HAS_EMISSION
-layout(binding = IMG_2, rgba32f) writeonly uniform image2D emission_img;
-#endif
 
 uniform uint work_count;
-uniform uint sum_words;
 
 struct Face {
     vec3 position;
     vec3 normal;
     vec4 reflectance;  // a: as stored
-    vec3 emission;
 };
 
 // What the surfaces that face this way bring; `total` is the sum of their weights, not 0.
 Face mean_face(uint face, uint facing, vec3 corner, float total)
 {
     Face result;
-    uint at = face * sum_words;
+    uint at = face * FACE_SUM_WORDS;
     float inverse = 1.0 / total;
     result.reflectance.rgb = vec3(sums[at + 1u], sums[at + 2u], sums[at + 3u]) * inverse;
     result.reflectance.a = sqrt(min(total / (FIXED_ONE * MAX_FACE_WEIGHT), 1.0));
     result.position = corner + vec3(sums[at + 4u], sums[at + 5u], sums[at + 6u]) * inverse;
     result.normal = facing_vector(facing);
-    result.emission = vec3(0.0);
-#if HAS_EMISSION
-    for (int k = 0; k < 3; ++k) {
-        uint word = at + FACE_SUM_WORDS + 2u * uint(k);
-        result.emission[k] = (float(sums[word + 1u]) + float(sums[word]) / 4294967296.0) * inverse * FIXED_ONE;
-    }
-#endif
     return result;
 }
 
@@ -81,9 +69,6 @@ void store(uint index, Face face)
 {
     imageStore(place_img, list_texel(index), pack_face_place(face.position, face.normal));
     imageStore(reflectance_img, list_texel(index), face.reflectance);
-#if HAS_EMISSION
-    imageStore(emission_img, list_texel(index), vec4(face.emission, 0.0));
-#endif
 }
 
 void main()
@@ -98,7 +83,7 @@ void main()
     uint packed_position = texelFetch(cell_positions_tex, list_texel(index), 0).r;
     vec3 corner = vec3(packed_position & 2047u, packed_position >> 11 & 2047u, packed_position >> 22);
     uint first = face_index(record, facing);
-    float totals[2] = float[2](float(sums[first * sum_words]), float(sums[(first + 1u) * sum_words]));
+    float totals[2] = float[2](float(sums[first * FACE_SUM_WORDS]), float(sums[(first + 1u) * FACE_SUM_WORDS]));
     if (totals[0] == 0.0 && totals[1] == 0.0) {
         totals[0] = 1.0;  // so little of a surface that it was rounded away: black, at the cell's corner
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // The GGX lobe for a list of (cosine of the viewer, roughness, u).    White: f0 = f90 = 1.
 // Output: (sampled direction, its weight), (BRDF times cosine over the pdf of a direction of cosine u.x, even in angle
-// u.y; albedo as lib/closure.glsl fits it; 0, 0).
+// u.y; albedo as lib/closure.glsl fits it; density of sampled directions there over the pdf; 0).
 
 #include "lib/closure.glsl"
 #include "lib/ggx.glsl"
@@ -34,5 +34,6 @@ void main()
     vec3 uniform_direction = vec3(s * cos(phi), s * sin(phi), given.z);
     float value = ggx_reflection(n, view, uniform_direction, alpha, vec3(1.0), vec3(1.0), 0.0).x * 2.0 * PI;
     float albedo = specular_directional_albedo(vec3(1.0), vec3(1.0), 0.0, given.y, given.x).x;
-    results[2u * index + 1u] = vec4(value, albedo, 0.0, 0.0);
+    float density = ggx_density(n, view, uniform_direction, alpha) * 2.0 * PI;
+    results[2u * index + 1u] = vec4(value, albedo, density, 0.0);
 }
