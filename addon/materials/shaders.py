@@ -74,6 +74,11 @@ def with_energy(lobe: Lobe, cosine: Expr, keeps_energy: bool) -> tuple[Lobe, Exp
     return lobe.scaled(scale), albedo * scale
 
 
+def largest(color: Expr) -> Expr:
+    """What a tinted gloss takes from the layer below is grey, as in Cycles."""
+    return color if color.type == "float" else maximum(maximum(color.x, color.y), color.z)
+
+
 def metal(base: Expr, edge: Expr, roughness: Expr, cosine: Expr, keeps_energy: bool) -> Lobe:
     """Schlick's Fresnel curve of colour ``base``, times ``edge`` at 82 degrees.
 
@@ -145,7 +150,7 @@ def principled(reader: GraphReader, node: Node) -> Closure:
         )
     solid = (1.0 - metallic) * (1.0 - transmission)
     closure = Closure(
-        diffuse=base * (1.0 - albedo) * solid,
+        diffuse=base * (1.0 - largest(albedo)) * solid,
         specular=gloss.scaled(solid).plus(
             metal(base, minimum(tint, 1.0), roughness, cosine, keeps_energy).scaled(metallic)
         ),

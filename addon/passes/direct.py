@@ -44,6 +44,7 @@ class DirectPass:
                 "HAS_LIGHTS": features.has_lights,
                 "HAS_EMITTERS": features.draws_emitters_at_pixels,
                 "HAS_GLOSSY": features.has_glossy,
+                "HAS_TRANSMISSION": features.has_transmission,
                 "SHADOW_CONES": features.shadow_cones,
             },
         )

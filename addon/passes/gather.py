@@ -36,8 +36,11 @@ class GatherPass:
     def run(
         self, frame: Frame, lit: LitVoxels, direct: moderngl.Texture | None, *, keeps_emitted: bool
     ) -> Iterator[float]:
-        """Yields the share done. ``direct``: where points on emitters were drawn, the diffuse picture of pass ``direct``,
-        to which rays add what they find of them. ``keeps_emitted``: fill ``emitted`` too."""
+        """Yields the share done. ``keeps_emitted``: fill ``emitted`` too.
+
+        ``direct``: where points on emitters were drawn, the diffuse picture of pass ``direct``, to which rays add what
+        they find of them.
+        """
         features, settings = frame.features, frame.settings
         glow_is_direct = features.gathers_emission and features.draws_emitters_at_pixels
         self.allocate(frame.size, emitted=keeps_emitted, nearness=features.has_reconstruction)

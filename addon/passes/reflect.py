@@ -38,15 +38,14 @@ class ReflectPass:
         self.emitted: moderngl.Texture | None = None
         self._layer: SurfacePictures | None = None
         self._throughput: moderngl.Texture | None = None
-        self._densities: moderngl.Texture | None = None
         self._followed: moderngl.Buffer | None = None
         self._direct = DirectPass(gpu)
         self._gather = GatherPass(gpu)
         self._key: tuple = ()
 
-    def allocate(self, size: tuple[int, int], *, emitted: bool, layers: bool, emission: bool) -> None:
+    def allocate(self, size: tuple[int, int], *, emitted: bool, layers: bool) -> None:
         """Make the pictures; kept when nothing changed."""
-        if self._key == (size, emitted, layers, emission):
+        if self._key == (size, emitted, layers):
             return
         self.release()
         gpu = self.gpu
@@ -56,18 +55,14 @@ class ReflectPass:
             self._layer = SurfacePictures.allocate(gpu, "reflected surfaces", size, rays=True)
             self._throughput = gpu.texture("reflected surfaces", size, 4, "f4")
             self._followed = gpu.buffer("reflected surfaces", size=16)
-        if layers and emission:
-            self._densities = gpu.texture("reflected surfaces", size, 1, "f4")
-        self._key = (size, emitted, layers, emission)
+        self._key = (size, emitted, layers)
 
     def run(
         self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces, *, keeps_emitted: bool
     ) -> Iterator[float]:
         """Yields the share done. ``keeps_emitted``: fill ``emitted`` too."""
         features, settings = frame.features, frame.settings
-        self.allocate(
-            frame.size, emitted=keeps_emitted, layers=features.follows_glossy, emission=features.reflects_emission
-        )
+        self.allocate(frame.size, emitted=keeps_emitted, layers=features.follows_glossy)
         layers = settings.glossy_layers if features.follows_glossy else 0
         for share in self._reflect(frame, lit, first=True, last=layers == 0):
             yield share / (1 + layers)
@@ -77,7 +72,7 @@ class ReflectPass:
                 return
             layer = _layer_frame(frame, self._layer, number)
             before = number / (1 + layers)
-            for _ in self._shade(layer, lit, surface_pass, surfaces, first=number == 1):
+            for _ in self._shade(layer, lit, surface_pass, surfaces, keeps_emitted=keeps_emitted and number == 1):
                 yield before
             for _ in self._reflect(layer, lit, first=False, last=number == layers):
                 yield before
@@ -131,8 +126,6 @@ class ReflectPass:
             if features.reflects_emission:
                 lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
                 kernel.set(emission_amount=settings.direct_amount)
-                if self._densities is not None:
-                    self._densities.bind_to_image(slot("IMG_6"), read=False, write=True)
             kernel.set(
                 sample_index=frame.index,
                 random_seed=settings.seed,
@@ -145,11 +138,10 @@ class ReflectPass:
         yield from run_tiles(self.gpu, "reflect", kernel, frame, 1, bind)
 
     def _shade(
-        self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces, *, first: bool
+        self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces, *, keeps_emitted: bool
     ) -> Iterator[float]:
         """Light that leaves the surfaces that were met, as if the camera saw them; all but what they reflect."""
         features, settings, slot = frame.features, frame.settings, interface.slot
-        keeps_emitted = first and features.reflects_emission and self.emitted is not None
         yield from surface_pass.shade(surfaces, frame.surface, frame.camera, frame.offset, frame.index, settings)
         if features.has_direct:
             yield from self._direct.run(frame, lit)
@@ -163,11 +155,11 @@ class ReflectPass:
                 | {
                     "HAS_DIRECT": features.has_direct,
                     "HAS_DIFFUSE_GATHER": features.has_diffuse_gather,
-                    "HAS_EMITTERS": features.reflects_emission,
                     "KEEPS_EMITTED": keeps_emitted,
                 },
             )
             frame.bind(kernel)
+            frame.surface.emission.use(slot("TEX_EMISSION"))
             lit.world.bind(kernel)
             for name, texture in (
                 ("TEX_DIRECT_DIFFUSE", self._direct.diffuse),
@@ -179,15 +171,9 @@ class ReflectPass:
             assert self.radiance is not None and self._throughput is not None
             self.radiance.bind_to_image(slot("IMG_0"), read=True, write=True)
             self._throughput.bind_to_image(slot("IMG_4"), read=True, write=False)
-            if features.reflects_emission:
-                assert self._densities is not None
-                if keeps_emitted:
-                    assert self.emitted is not None
-                    self.emitted.bind_to_image(slot("IMG_1"), read=True, write=True)
-                frame.surface.emission.use(slot("TEX_EMISSION"))
-                frame.surface.seen.bind_to_image(slot("IMG_2"), read=True, write=False)
-                self._densities.bind_to_image(slot("IMG_6"), read=True, write=False)
-                lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
+            if keeps_emitted:
+                assert self.emitted is not None
+                self.emitted.bind_to_image(slot("IMG_1"), read=True, write=True)
             kernel.set(
                 direct_amount=settings.direct_amount if settings.use_direct else 0.0,
                 indirect_amount=settings.indirect_amount if settings.use_indirect else 0.0,
@@ -199,8 +185,8 @@ class ReflectPass:
 
     def release(self) -> None:
         """Free everything."""
-        self.gpu.free(self.radiance, self.emitted, self._throughput, self._densities, self._followed)
-        self.radiance = self.emitted = self._throughput = self._densities = self._followed = None
+        self.gpu.free(self.radiance, self.emitted, self._throughput, self._followed)
+        self.radiance = self.emitted = self._throughput = self._followed = None
         if self._layer is not None:
             self._layer.release(self.gpu)
             self._layer = None

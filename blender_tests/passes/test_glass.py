@@ -132,3 +132,19 @@ def test_glass_alone_needs_its_features(gpu: GpuContext) -> None:
     with pipeline(gpu, scenes.scene((scenes.sphere(), mirror), world=scenes.world(1.0)), scenes.settings(12)) as ready:
         assert ready.features is not None and not ready.features.has_transmission
         assert "cell opacities" not in ready.statistics()["memory"]
+
+
+@pytest.mark.parametrize("roughness", [0.2, 0.8])
+def test_a_sun_behind_rough_glass(roughness: float, gpu: GpuContext) -> None:
+    """Seen from inside: points on the sun and bent rays together bring what rays alone do, with less noise."""
+    sun = scenes.light(LightKind.SUN, 3.0, direction=(0.3, 0.0, -1.0), angle=0.4)
+    made = scenes.scene(
+        (scenes.plane(0.5), glass(1.5, roughness)), lights=[sun],
+        camera=scenes.camera((0.1, 0.0, -1.0), (0.0, 0.0, 0.0), width=0.1),
+    )  # fmt: skip
+    alone = {"use_reconstruction": False}  # sharing between pixels hides the noise
+    both = picture(gpu, made, scenes.settings(12, **alone), (24, 24), 64)
+    rays = picture(gpu, made, scenes.settings(12, **alone, use_direct=False), (24, 24), 64)
+    assert both.mean() == pytest.approx(rays.mean(), rel=0.02)
+    if roughness > 0.5:
+        assert both.std() < 0.5 * rays.std()

@@ -44,6 +44,23 @@ vec3 ggx_reflection(vec3 n, vec3 view, vec3 light, float alpha, vec3 f0, vec3 f9
     return fresnel(f0, f90, ior, dot(view, h)) * specular;
 }
 
+// How many directions for each steradian light is bent to that meets facets of sample_visible_normal; `ior`: of the far
+// side, where `light` points, over the near one. Also the cosine between viewer and facet. Walter et al. 2007.
+float ggx_bent_density(vec3 n, vec3 view, vec3 light, float alpha, float ior, out float facet_cosine)
+{
+    vec3 h = view + ior * light;
+    h *= (dot(h, n) < 0.0 ? -1.0 : 1.0) / max(length(h), 1e-6);
+    facet_cosine = dot(view, h);
+    float beyond = -dot(light, h);
+    float n_v = max(abs(dot(n, view)), 1e-4);
+    float stretch = facet_cosine - ior * beyond;
+    if (facet_cosine <= 0.0 || beyond <= 0.0 || abs(stretch) < 1e-4) {
+        return 0.0;
+    }
+    return ggx_distribution(clamp(dot(n, h), 0.0, 1.0), alpha) * ggx_masking_view(n_v, alpha) * facet_cosine / n_v *
+           ior * ior * beyond / (stretch * stretch);
+}
+
 // How many directions for each steradian sample_visible_normal (lib/sampling.glsl) sends towards `light`.
 float ggx_density(vec3 n, vec3 view, vec3 light, float alpha)
 {

@@ -6,7 +6,7 @@
 #include "lib/camera.glsl"
 
 #if RAYS_OF_PIXELS
-layout(binding = IMG_RAYS, rgba32f) uniform image2D rays_img;  // two texels a pixel: origin, width; direction, spread
+layout(binding = IMG_RAYS, rgba32f) uniform image2D rays_img;  // two texels a pixel: origin, width; direction (octahedral), spread, emission
 #endif
 
 struct Ray {
@@ -16,13 +16,22 @@ struct Ray {
     float spread;    // growth of that side with each cell
 };
 
+#if RAYS_OF_PIXELS
+// Share of the emission of the surface that a pixel's ray meets which this ray is to bring; points on emitters bring the
+// rest.
+float emission_share(ivec2 pixel)
+{
+    return imageLoad(rays_img, ivec2(2 * pixel.x + 1, pixel.y)).w;
+}
+#endif
+
 Ray pixel_ray(ivec2 pixel)
 {
     Ray ray;
 #if RAYS_OF_PIXELS
     vec4 a = imageLoad(rays_img, ivec2(2 * pixel.x, pixel.y));
     vec4 b = imageLoad(rays_img, ivec2(2 * pixel.x + 1, pixel.y));
-    ray = Ray(a.xyz, b.xyz, a.w, b.w);
+    ray = Ray(a.xyz, octahedral_decode(b.xy), a.w, b.z);
 #else
     camera_ray(pixel, ray.origin, ray.direction);
     ray.width = pixel_footprint(0.0, ray.direction);

@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light that leaves the surfaces of a layer towards where its rays came from, added to the reflections of the picture.
-// Input: surface pictures, rays and throughput of the layer, direct and indirect light on it, emitters, the world.
-// Output: radiance_img. KEEPS_EMITTED: emitted_img: what of it the surfaces emit.
+// Input: surface pictures, rays and throughput of the layer, direct and indirect light on it, the world.
+// Output: radiance_img. KEEPS_EMITTED: emitted_img: what of it is emission.
 
 #include "lib/clamp.glsl"
 #include "lib/pixel.glsl"
 #include "lib/ray.glsl"
 #include "lib/world.glsl"
-#if HAS_EMITTERS
-#include "lib/emitter.glsl"
-#endif
 
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 
+layout(binding = TEX_EMISSION) uniform sampler2D emission_tex;
 #if HAS_DIRECT
 layout(binding = TEX_DIRECT_DIFFUSE) uniform sampler2D direct_diffuse_tex;
 layout(binding = TEX_DIRECT_GLOSSY) uniform sampler2D direct_glossy_tex;
@@ -21,16 +19,10 @@ layout(binding = TEX_DIRECT_GLOSSY) uniform sampler2D direct_glossy_tex;
 layout(binding = TEX_GATHERED) uniform sampler2D gathered_tex;
 #endif
 layout(binding = IMG_0, rgba32f) uniform image2D radiance_img;
-layout(binding = IMG_4, rgba32f) readonly uniform image2D throughput_img;
-
-#if HAS_EMITTERS
-layout(binding = TEX_EMISSION) uniform sampler2D emission_tex;
 #if KEEPS_EMITTED
 layout(binding = IMG_1, rgba32f) uniform image2D emitted_img;
 #endif
-layout(binding = IMG_2, r32ui) readonly uniform uimage2D seen_img;
-layout(binding = IMG_6, r32f) readonly uniform image2D density_img;
-#endif
+layout(binding = IMG_4, rgba32f) readonly uniform image2D throughput_img;
 
 uniform float direct_amount;
 uniform float indirect_amount;
@@ -48,18 +40,9 @@ void main()
     }
     Pixel p = fetch_pixel(at);
     vec3 light = vec3(0.0);
+    vec3 emitted = vec3(0.0);
     if (p.is_surface) {
-#if HAS_EMITTERS
-        // Points were drawn on emitters too from where the ray comes.
-        Ray ray = pixel_ray(at);
-        float density = imageLoad(density_img, at).r;
-        Emitted emission = emission_met(imageLoad(seen_img, at).r - 1u, ray.origin, ray.direction,
-                                        distance(p.position, ray.origin), density);
-        light = direct_amount * emission.weight * texelFetch(emission_tex, at, 0).rgb;
-#if KEEPS_EMITTED
-        imageStore(emitted_img, at, imageLoad(emitted_img, at) + vec4(finite_or_zero(throughput * limited(light)), 0.0));
-#endif
-#endif
+        emitted = throughput * texelFetch(emission_tex, at, 0).rgb * emission_share(at);
 #if HAS_DIRECT
         light += direct_amount * (p.diffuse * texelFetch(direct_diffuse_tex, at, 0).rgb +
                                   specular_amount * texelFetch(direct_glossy_tex, at, 0).rgb);
@@ -70,5 +53,10 @@ void main()
     } else {
         light = world_along(pixel_ray(at).direction);  // all that the ray met let this pass through
     }
-    imageStore(radiance_img, at, imageLoad(radiance_img, at) + vec4(finite_or_zero(throughput * limited(light)), 0.0));
+    emitted = finite_or_zero(emitted);
+    light = finite_or_zero(throughput * limited(light)) + emitted;
+    imageStore(radiance_img, at, imageLoad(radiance_img, at) + vec4(light, 0.0));
+#if KEEPS_EMITTED
+    imageStore(emitted_img, at, imageLoad(emitted_img, at) + vec4(emitted, 0.0));
+#endif
 }

@@ -67,7 +67,7 @@ void add_emitters(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed
             on_diffuse = s.radiance * (cosine / PI * weight / density);
         }
 #if HAS_GLOSSY
-        if ((s.flags & RAY_GLOSSY) != 0u) {
+        if ((s.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
             float other = ggx_density(glossy_normal, view, s.direction, alpha);
             float weight = mis_weight(density, in_reach ? reflected_rays * other : 0.0);
             on_glossy = s.radiance * ggx_reflection(glossy_normal, view, s.direction, alpha, p.f0, p.f90, p.ior) *
@@ -117,13 +117,25 @@ void main()
             uint seed = hash(pixel_seed + k, 0xD1B54Au);
             LightSample s = sample_light(light, origin, sample_2d(sample_index, seed));
             float cosine = dot(p.normal, s.direction);
-            if (dot(p.geometric_normal, s.direction) <= 0.0 || max_component(s.irradiance) <= 0.0) {
+            // Light behind the surface comes out of glass, bent.
+            bool behind = dot(p.geometric_normal, s.direction) <= 0.0;
+            if ((behind && !p.is_inside) || max_component(s.irradiance) <= 0.0) {
                 continue;
             }
             vec3 on_diffuse = (light.flags & RAY_DIFFUSE) != 0u ? s.irradiance * max(cosine, 0.0) / PI : vec3(0.0);
             vec3 on_glossy = vec3(0.0);
 #if HAS_GLOSSY
             // Rays of pass `reflect` look for the light too.
+#if HAS_TRANSMISSION
+            if (behind && (light.flags & RAY_TRANSMISSION) != 0u) {
+                float facet_cosine;
+                float rays = ggx_bent_density(glossy_normal, -direction, s.direction, max(p.alpha * specular_aperture, 1e-4),
+                                              p.ior, facet_cosine);
+                float points = light_density(light, origin, s.direction, s.distance);
+                on_glossy = s.irradiance * p.transmission * (1.0 - dielectric_reflectance(facet_cosine, p.ior)) * rays *
+                            mis_weight(points, rays);
+            }
+#endif
             if ((light.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
                 float rays = ggx_density(glossy_normal, -direction, s.direction, max(p.alpha * specular_aperture, 1e-4));
                 float points = light_density(light, origin, s.direction, s.distance);
@@ -141,7 +153,8 @@ void main()
                 float angle = shadow_cone_angle > 0.0 ? 0.5 * shadow_cone_angle : light_half_angle(light, origin);
                 visible = cone_visibility(p.position, p.geometric_normal, s.direction, tan(angle), s.distance);
 #else
-                visible = is_blocked(origin, s.direction, s.distance - RAY_START, hash(seed, sample_index)) ? 0.0 : 1.0;
+                vec3 from = behind ? p.position - p.geometric_normal * RAY_START : origin;
+                visible = is_blocked(from, s.direction, s.distance - RAY_START, hash(seed, sample_index)) ? 0.0 : 1.0;
 #endif
                 visible = mix(1.0, visible, shadow_amount);
             }

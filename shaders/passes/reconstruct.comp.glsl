@@ -35,16 +35,16 @@ vec3 specular_color(ivec2 at)
     vec3 origin, direction;
     camera_ray(at, origin, direction);
     float cosine = abs(dot(direction, p.normal));
-    return p.is_glass ? vec3(1.0) : max(specular_directional_albedo(p.f0, p.f90, p.ior, sqrt(p.alpha), cosine), 1e-3);
+    return max(specular_directional_albedo(p.f0, p.f90, p.ior, sqrt(p.alpha), cosine) + p.transmission, 1e-3);
 }
 #endif
 
-// Tangent of half the angle that holds about half of the lobe. What is seen through glass is not shared.
+// Tangent of half the angle that holds about half of the lobe.
 float lobe_width(ivec2 at)
 {
 #if GLOSSY
-    Pixel p = fetch_pixel(at);
-    return p.is_glass ? 1e-4 : max(2.0 * p.alpha, 1e-4);
+    float roughness = texelFetch(diffuse_tex, at, 0).w;
+    return max(2.0 * roughness * roughness, 1e-4);
 #else
     return 1.0;
 #endif
@@ -106,6 +106,11 @@ void main()
             float error = distance * nearness + turn + off_plane;
 #endif
             bool usable = there == at + step * (side * stride) && other_position.w == 1.0;
+#if GLOSSY
+            // Where lobes take turns, those of another width have other light.
+            float other_lobe = lobe_width(there);
+            usable = usable && max(lobe, other_lobe) < 2.0 * min(lobe, other_lobe);
+#endif
             weight = usable ? min(weight, max(0.0, 1.0 - error / tolerance)) : 0.0;
             pair += other;
         }

@@ -6,7 +6,7 @@
 // Input: surface pictures and rays of the layer, faces' radiance, triangles of cells, lights, emitters.
 // Output: radiance_img: reflected radiance, added up over layers; w: 1 / distance of what the first met, 1/cells.
 // KEEPS_EMITTED: emitted_out: what of it comes straight from lights, emitters or the world. HAS_LAYERS: rays_img, seen_img,
-// throughput_img, density_img of the next layer, which has no surfaces yet.
+// throughput_img of the next layer, which has no surfaces yet.
 
 #include "lib/incoming.glsl"
 #include "lib/sampling.glsl"
@@ -31,9 +31,6 @@ layout(binding = IMG_3, rgba32f) writeonly uniform image2D position_img;
 layout(binding = IMG_4, rgba32f) uniform image2D throughput_img;
 #if FIRST_LAYER
 layout(binding = IMG_5, rgba32f) writeonly uniform image2D rays_img;
-#endif
-#if HAS_EMITTERS
-layout(binding = IMG_6, r32f) writeonly uniform image2D density_img;  // rays for each steradian where followed ones went
 #endif
 layout(std430, binding = BUF_COUNTS) buffer Counters { uint followed; };
 
@@ -137,7 +134,7 @@ void main()
 #endif
 #endif
             Hit hit = trace(origin, direction, max_distance, ray_mask, GATHER_OCCLUSION != 0, hash(seed, 3u + sample_index));
-            // Pass `direct` draws points on lights and emitters too, for what is reflected outside of glass.
+            // Points on emitters are drawn for what is reflected outside of glass.
             bool only_rays = passes || p.is_inside;
             float density = only_rays ? 1e30 : ggx_density(normal, view, direction, alpha);
             Incoming found = incoming_from(hit, origin, direction, density, hash(seed, 5u + sample_index));
@@ -149,9 +146,13 @@ void main()
                     vec3 shown = light_along_ray(light, origin, direction, light_distance);
                     bool free = light_distance < found.distance || (light_distance > 1e29 && found.distance > 1e29);
                     if (max_component(shown) > 0.0 && free) {
+                        // Pass `direct` draws points on lights too, if they are outside of glass.
                         float points = light_points * light_density(light, origin, direction, light_distance);
-                        float weight = mis_weight(density, points);
-                        found = Incoming(vec3(0.0), limited(shown * weight), vec3(0.0), light_distance);
+                        float unused;
+                        float rays = passes ? ggx_bent_density(normal, view, direction, alpha, p.ior, unused)
+                                            : ggx_density(normal, view, direction, alpha);
+                        shown *= mis_weight(rays, passes == p.is_inside ? points : 0.0);
+                        found = Incoming(vec3(0.0), limited(shown), vec3(0.0), light_distance);
                         hit.triangle = NONE_INDEX;
                     }
                 }
@@ -159,17 +160,20 @@ void main()
 #endif
 #if HAS_LAYERS
             if (hit.triangle != NONE_INDEX && hit.distance < reach) {
+                // The next layer asks the material what it emits; here is known how much of that this ray shall bring.
+                float share = 0.0;
+#if HAS_EMITTERS
+                share = emission_amount * emission_met(hit.triangle, origin, direction, hit.distance, density).weight;
+#endif
                 found.bounced = found.glow = vec3(0.0);
                 seen = hit.triangle + 1u;
                 imageStore(rays_img, ivec2(2 * at.x, at.y), vec4(next.origin, next.width));
-                imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(next.direction, next.spread));
-#if HAS_EMITTERS
-                imageStore(density_img, at, vec4(density));
-#endif
+                imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(octahedral_encode(next.direction), next.spread, share));
                 atomicAdd(followed, 1u);
             }
 #endif
-            nearness = 1.0 / max(found.distance, 1e-3);
+            // Light that glass bends and light that it reflects have nothing in common, near as it may be.
+            nearness = 1.0 / max(p.is_glass ? 0.0 : found.distance, 1e-3);
             bounced = found.bounced * throughput;
             emitted = (found.emitted + found.glow) * throughput;
         }
