@@ -10,8 +10,9 @@ the same bits on every run.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any
 
 import moderngl
@@ -26,8 +27,12 @@ from .materials import MaterialPass, MaterialSet
 
 #: Pairs in one dispatch: bounds how long a step takes, so that cancelling is quick.
 PAIRS_PER_STEP = 1 << 18
+#: Work items likewise: a few pairs each.
+ITEMS_PER_STEP = 1 << 17
 
 _POPCOUNT = np.array([bin(value).count("1") for value in range(1 << 16)], np.uint8)
+#: Both facings of each axis, for each set of axes.
+_FACINGS = np.array([sum(3 << 2 * axis for axis in range(3) if axes >> axis & 1) for axes in range(8)], np.uint32)
 
 
 @dataclass
@@ -110,34 +115,39 @@ def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarra
     ``masks``: (B,) uint64, bricks in the order x fastest.
     """
     filled = np.flatnonzero(masks)
-    bits = np.unpackbits(np.ascontiguousarray(masks[filled]).view(np.uint8).reshape(-1, 8), axis=1, bitorder="little")
-    row, bit = np.nonzero(bits)
-    brick = filled[row]
-    x = (brick % bricks[0]) * interface.BRICK + (bit & 3)
-    y = (brick // bricks[0] % bricks[1]) * interface.BRICK + (bit >> 2 & 3)
-    z = (brick // (bricks[0] * bricks[1])) * interface.BRICK + (bit >> 4)
-    return (x | y << 11 | z << 22).astype(np.uint32)
+    z, rest = np.divmod(filled, bricks[0] * bricks[1])
+    y, x = np.divmod(rest, bricks[0])
+    corners = ((x | y << 11 | z << 22) * interface.BRICK).astype(np.uint32)
+    bit = np.arange(64, dtype=np.uint32)
+    inside = bit & 3 | (bit >> 2 & 3) << 11 | bit >> 4 << 22
+    bits = np.unpackbits(np.ascontiguousarray(masks[filled]).view(np.uint8), bitorder="little")
+    index = np.flatnonzero(bits)
+    return corners[index >> 6] | inside[index & 63]
 
 
-def cell_axes(facings: np.ndarray) -> np.ndarray:
-    """Work of pass voxel_resolve: cell | axis << 30 for each axis that a cell has faces on, axis by axis.
+def cell_axes(axes: np.ndarray) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Work of pass voxel_resolve: cell | axis << 30 for each axis that a cell has faces on, axis by axis, and how many
+    there are of each axis.
 
-    ``facings``: (cells,) uint32, bits 0 to 5.
+    ``axes``: (cells,) uint32, bits 0 to 2.
     """
-    parts = [np.flatnonzero(facings >> (2 * axis) & 1).astype(np.uint32) | np.uint32(axis << 30) for axis in range(3)]
-    return np.concatenate(parts)
+    cells = [np.flatnonzero(axes & (1 << axis)) for axis in range(3)]
+    items = np.empty(sum(map(len, cells)), np.uint32)
+    first = 0
+    for axis, chosen in enumerate(cells):
+        part = items[first : first + len(chosen)]
+        part[:] = chosen
+        part |= axis << 30
+        first += len(chosen)
+    return items, tuple(map(len, cells))
 
 
-def face_order(records: np.ndarray) -> np.ndarray:
-    """(faces,) uint32: all faces, facing by facing: neighbours in the list are alike.
+@dataclass
+class _Parts:
+    """What triangles bring to the faces of cells, cell by cell (lib/part.glsl): list textures, while faces are made."""
 
-    ``records``: (cells, 4) uint32, as lib/grid.glsl describes them.
-    """
-    parts = []
-    for facing in range(6):
-        chosen = records[records[:, 3] >> facing & 1 == 1]
-        parts.append(chosen[:, 2] + _POPCOUNT[chosen[:, 3] & ((1 << facing) - 1)])
-    return np.concatenate(parts).astype(np.uint32)
+    sums: moderngl.Texture  # rgba32ui
+    emission: moderngl.Texture | None  # rgba32f
 
 
 class VoxelizePass:
@@ -159,135 +169,180 @@ class VoxelizePass:
             self._temporary = []
 
     def _steps(self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass) -> Iterator[float]:
-        gpu, slot, grid = self.gpu, interface.slot, geometry.grid
-        mask = gpu.texture_3d("voxel marks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
-        self._temporary.append(mask)
+        gpu, grid = self.gpu, geometry.grid
         with gpu.timed("voxelize"):
-            total, work = self._work(geometry)
-        yield 0.1
+            marks = gpu.texture_3d("voxel marks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
+            self._temporary.append(marks)
+            item_starts, estimate, work = self._work(geometry, materials)
+        yield 0.05
 
+        capacity, starts = 0, [estimate]
+        while starts[-1] > capacity:  # the estimate hardly ever falls short
+            capacity = starts[-1]
+            with gpu.timed("voxelize"):
+                pairs = gpu.list_texture("voxel pairs", capacity, 4, "u4")
+                self._temporary.append(pairs)
+            starts = yield from self._list_pairs(geometry, item_starts, work, marks, pairs, capacity)
         with gpu.timed("voxelize"):
-            counters = gpu.buffer("voxel counters", size=4 * len(materials.batches))
-            self._temporary.append(counters)
-            kernel = gpu.kernel("voxel_mark").set(grid_size=grid.size, work_count=total)
-            geometry.triangles.use(slot("TEX_TRIANGLES"))
-            work.bind_to_storage_buffer(slot("BUF_WORK"))
-            materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
-            counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
-            mask.bind_to_image(slot("IMG_0"), read=True, write=True)
-            kernel.run_list(total)
-            gpu.barrier()  # read back, then as a texture
-            bricks, packed = self._number_cells(mask, grid)
-            batch_counts = np.frombuffer(counters.read(), np.uint32)[: len(materials.batches)].astype(np.int64)
-            starts = np.concatenate([[0], np.cumsum(batch_counts)])
-            counters.write(starts[:-1].astype(np.uint32).tobytes())
-        cells = len(packed)
-        yield 0.25
-
-        with gpu.timed("voxelize"):
-            pairs = gpu.list_texture("voxel pairs", int(starts[-1]), 4, "u4")
-            counts = gpu.buffer("voxel counts", size=8 * cells)
-            self._temporary += [pairs, counts]
-            kernel = gpu.kernel("voxel_pairs").set(grid_size=grid.size, work_count=total)
-            bricks.use(slot("TEX_BRICKS"))
-            counts.bind_to_storage_buffer(slot("BUF_SUMS"))
-            pairs.bind_to_image(slot("IMG_0"), read=False, write=True)
-            kernel.run_list(total)
-            gpu.barrier()  # the counts are read back, the pairs by the next step
-            voxels, facings = self._allocate(geometry, materials, bricks, counts, cells)
-            positions = gpu.list_texture("voxel cell positions", cells, 1, "u4", packed if cells else None)
-            self._temporary.append(positions)
+            bricks, packed = self._number_cells(marks, grid)
+            gpu.free(marks, work)
         yield 0.4
 
-        words = interface.FACE_SUM_WORDS + (interface.EMISSION_SUM_WORDS if materials.has_emission else 0)
         with gpu.timed("voxelize"):
-            sums = gpu.buffer("voxel sums", size=4 * words * voxels.faces.count)
-            self._temporary.append(sums)
-        for index, batch in enumerate(materials.batches):
-            for first in range(int(starts[index]), int(starts[index + 1]), PAIRS_PER_STEP):
-                count = min(PAIRS_PER_STEP, int(starts[index + 1]) - first)
+            cursors = gpu.buffer("voxel counts", size=4 * len(packed))
+            self._temporary.append(cursors)
+            kernel = gpu.kernel("voxel_count").set(grid_size=grid.size, pair_first=0, pair_count=starts[-1])
+            bricks.use(interface.slot("TEX_BRICKS"))
+            pairs.use(interface.slot("TEX_PAIRS"))
+            cursors.bind_to_storage_buffer(interface.slot("BUF_COUNTS"))
+            kernel.run_list(starts[-1])
+            gpu.barrier()  # read back
+            voxels, axes = self._allocate(geometry, materials, bricks, cursors, len(packed))
+            parts = _Parts(
+                gpu.list_texture("voxel parts", voxels.pair_count, 4, "u4"),
+                gpu.list_texture("voxel parts", voxels.pair_count, 4, "f4") if materials.has_emission else None,
+            )
+            self._temporary += [parts.sums, parts.emission]
+        yield 0.5
+
+        for index in range(len(materials.batches)):
+            for first in range(starts[index], starts[index + 1], PAIRS_PER_STEP):
+                count = min(PAIRS_PER_STEP, starts[index + 1] - first)
                 with gpu.timed("voxelize"):
-                    kernel = gpu.kernel(
-                        "voxel_accumulate",
-                        material_pass.defines(batch)
-                        | voxels.trace_defines
-                        | {
-                            "HAS_EMISSION": materials.compiled.families[batch.family].has_emission,
-                            "FLAT_SHADING": True,
-                        },
-                        material_pass.texts(batch),
-                    )
-                    geometry.bind(kernel)
-                    material_pass.bind(batch, kernel)
-                    voxels.cells.use(slot("TEX_CELLS"))
-                    positions.use(slot("TEX_CELL_POSITIONS"))
-                    pairs.use(slot("TEX_PAIRS"))
-                    sums.bind_to_storage_buffer(slot("BUF_SUMS"))
-                    counts.bind_to_storage_buffer(slot("BUF_COUNTS"))
-                    voxels.cell_triangles.bind_to_image(slot("IMG_0"), read=False, write=True)
-                    if voxels.cell_opacities is not None:
-                        voxels.cell_opacities.bind_to_image(slot("IMG_1"), read=False, write=True)
-                    kernel.set(pair_first=first, pair_count=count, sum_words=words)
-                    kernel.run_list(count)
-                    material_pass.unbind(batch)
-                yield 0.4 + 0.5 * (first + count) / max(int(starts[-1]), 1)
+                    self._accumulate(geometry, materials, material_pass, index, voxels, pairs, cursors, parts, first, count)
+                yield 0.5 + 0.4 * (first + count) / starts[-1]
 
         with gpu.timed("voxelize"):
-            gpu.barrier()  # sums and lists are complete
-            self._resolve(voxels, materials, sums, positions, facings, words)
+            gpu.barrier()  # lists are complete
+            gpu.free(pairs, cursors)
+            self._resolve(voxels, materials, parts, packed, axes)
         self.voxels = voxels
         yield 1.0
 
-    def _resolve(
+    def _work(self, geometry: Geometry, materials: MaterialSet) -> tuple[list[int], int, moderngl.Buffer]:
+        """Where each batch's work items start (and the last ones end), about how many pairs there are, the items."""
+        gpu, slot = self.gpu, interface.slot
+        batches = len(materials.batches)
+        counters = gpu.buffer("voxel counters", size=4 * (batches + 1))
+        self._temporary.append(counters)
+
+        def run(count: bool) -> None:
+            kernel = gpu.kernel("work", {"COUNT": count})
+            kernel.set(
+                grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=int(RayVisibility.ALL),
+                batch_count=batches,
+            )  # fmt: skip
+            geometry.triangles.use(slot("TEX_TRIANGLES"))
+            materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
+            counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
+            kernel.run_list(geometry.triangle_count)
+            gpu.barrier()  # counters are read back, work by later steps
+
+        run(count=True)
+        counts = np.frombuffer(counters.read(), np.uint32)[: batches + 1].tolist()
+        starts = [0, *accumulate(counts[:batches])]
+        counters.write(np.array(starts, np.uint32))
+        work = gpu.buffer("voxel work", size=8 * starts[-1])
+        self._temporary.append(work)
+        work.bind_to_storage_buffer(slot("BUF_WORK"))
+        run(count=False)
+        return starts, counts[-1], work
+
+    def _list_pairs(
         self,
-        voxels: Voxels,
+        geometry: Geometry,
+        item_starts: list[int],
+        work: moderngl.Buffer,
+        marks: moderngl.Texture3D,
+        pairs: moderngl.Texture,
+        capacity: int,
+    ) -> Generator[float, None, list[int]]:
+        """Mark cells and list pairs; returns where each batch's pairs start, and the end of the last ones."""
+        gpu, slot = self.gpu, interface.slot
+        batches = len(item_starts) - 1
+        counters = gpu.buffer("voxel counters", size=4 * (batches + 1))
+        self._temporary.append(counters)
+        for batch in range(batches):
+            for first in range(item_starts[batch], item_starts[batch + 1], ITEMS_PER_STEP):
+                count = min(ITEMS_PER_STEP, item_starts[batch + 1] - first)
+                with gpu.timed("voxelize"):
+                    kernel = gpu.kernel("voxel_pairs")
+                    kernel.set(
+                        grid_size=geometry.grid.size, work_first=first, work_count=count, batch=batch,
+                        pair_capacity=capacity,
+                    )  # fmt: skip
+                    geometry.triangles.use(slot("TEX_TRIANGLES"))
+                    work.bind_to_storage_buffer(slot("BUF_WORK"))
+                    counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
+                    marks.bind_to_image(slot("IMG_0"), read=True, write=True)
+                    pairs.bind_to_image(slot("IMG_1"), read=False, write=True)
+                    kernel.run_list(count)
+                yield 0.05 + 0.35 * (first + count) / item_starts[-1]
+            gpu.barrier()  # the next batch goes on where this one ends; in the end all is read
+            gpu.mgl.copy_buffer(counters, counters, 4, read_offset=4 * batch, write_offset=4 * batch + 4)
+        ends = np.frombuffer(counters.read(), np.uint32)[:batches]
+        return [0, *ends.tolist()]
+
+    def _accumulate(
+        self,
+        geometry: Geometry,
         materials: MaterialSet,
-        sums: moderngl.Buffer,
-        positions: moderngl.Texture,
-        facings: np.ndarray,
-        words: int,
+        material_pass: MaterialPass,
+        batch_index: int,
+        voxels: Voxels,
+        pairs: moderngl.Texture,
+        cursors: moderngl.Buffer,
+        parts: _Parts,
+        first: int,
+        count: int,
+    ) -> None:
+        """List the triangles of cells, and what they bring to their faces, for some pairs of one batch."""
+        gpu, slot = self.gpu, interface.slot
+        batch = materials.batches[batch_index]
+        emits = materials.compiled.families[batch.family].has_emission
+        kernel = gpu.kernel(
+            "voxel_accumulate",
+            material_pass.defines(batch) | voxels.trace_defines | {"HAS_EMISSION": emits, "FLAT_SHADING": True},
+            material_pass.texts(batch),
+        )
+        geometry.bind(kernel)
+        material_pass.bind(batch, kernel)
+        voxels.bricks.use(slot("TEX_BRICKS"))
+        pairs.use(slot("TEX_PAIRS"))
+        cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
+        voxels.cell_triangles.bind_to_image(slot("IMG_0"), read=False, write=True)
+        parts.sums.bind_to_image(slot("IMG_1"), read=False, write=True)
+        if voxels.cell_opacities is not None:
+            voxels.cell_opacities.bind_to_image(slot("IMG_2"), read=False, write=True)
+        if parts.emission is not None:
+            parts.emission.bind_to_image(slot("IMG_3"), read=False, write=True)
+        kernel.set(grid_size=geometry.grid.size, pair_first=first, pair_count=count)
+        kernel.run_list(count)
+        material_pass.unbind(batch)
+
+    def _resolve(
+        self, voxels: Voxels, materials: MaterialSet, parts: _Parts, packed: np.ndarray, axes: np.ndarray
     ) -> None:
         gpu, slot = self.gpu, interface.slot
-        axes = cell_axes(facings)
-        work = gpu.buffer("voxel work", axes)
-        self._temporary.append(work)
+        items, axis_counts = cell_axes(axes)
+        work = gpu.buffer("voxel work", items)
+        positions = gpu.list_texture("voxel cell positions", len(packed), 1, "u4", packed)
+        self._temporary += [work, positions]
         kernel = gpu.kernel("voxel_resolve", {"HAS_EMISSION": materials.has_emission})
         voxels.bind(kernel)
-        kernel.set(work_count=len(axes), sum_words=words)
+        kernel.set(work_count=len(items), axis_counts=axis_counts)
         positions.use(slot("TEX_CELL_POSITIONS"))
-        sums.bind_to_storage_buffer(slot("BUF_SUMS"))
+        parts.sums.use(slot("TEX_PARTS"))
         work.bind_to_storage_buffer(slot("BUF_WORK"))
         faces = voxels.faces
         faces.place.bind_to_image(slot("IMG_0"), read=False, write=True)
         faces.reflectance.bind_to_image(slot("IMG_1"), read=False, write=True)
-        if faces.emission is not None:
-            faces.emission.bind_to_image(slot("IMG_2"), read=False, write=True)
-        kernel.run_list(len(axes))
+        faces.order.bind_to_image(slot("IMG_2"), read=False, write=True)
+        if faces.emission is not None and parts.emission is not None:
+            parts.emission.use(slot("TEX_PART_EMISSION"))
+            faces.emission.bind_to_image(slot("IMG_3"), read=False, write=True)
+        kernel.run_list(len(items))
         gpu.barrier()  # injection and links read the faces
-
-    def _work(self, geometry: Geometry) -> tuple[int, moderngl.Buffer]:
-        """How many work items there are, and the items."""
-        gpu, slot = self.gpu, interface.slot
-        counter = gpu.buffer("voxel counters", size=4)
-        self._temporary.append(counter)
-        mask = int(RayVisibility.ALL)
-
-        def run(count: bool) -> None:
-            kernel = gpu.kernel("work", {"COUNT": count})
-            kernel.set(grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=mask)
-            geometry.triangles.use(slot("TEX_TRIANGLES"))
-            counter.bind_to_storage_buffer(slot("BUF_COUNTS"))
-            kernel.run_list(geometry.triangle_count)
-            gpu.barrier()  # the counter is read back, work by later steps
-
-        run(count=True)
-        total = int(np.frombuffer(counter.read(4), np.uint32)[0])
-        counter.clear()
-        work = gpu.buffer("voxel work", size=8 * total)
-        self._temporary.append(work)
-        work.bind_to_storage_buffer(slot("BUF_WORK"))
-        run(count=False)
-        return total, work
 
     def _number_cells(self, mask: moderngl.Texture3D, grid: VoxelGrid) -> tuple[moderngl.Texture3D, np.ndarray]:
         """The brick texture, and the packed positions of the occupied cells."""
@@ -307,25 +362,25 @@ class VoxelizePass:
         geometry: Geometry,
         materials: MaterialSet,
         bricks: moderngl.Texture3D,
-        counts: moderngl.Buffer,
+        cursors: moderngl.Buffer,
         cells: int,
     ) -> tuple[Voxels, np.ndarray]:
-        """The voxels, still empty, and which ways the surfaces of each cell face."""
+        """The voxels, still empty, and the axes that the surfaces of each cell face, bits 0 to 2."""
         gpu = self.gpu
-        table = np.frombuffer(counts.read(), np.uint32)[: 2 * cells].reshape(-1, 2)
-        records = np.zeros((max(cells, 1), 4), np.uint32)
-        pairs, faces = 0, 0
+        words = np.frombuffer(cursors.read(), np.uint32)[:cells]
+        counts = words & ((1 << interface.CELL_COUNT_BITS) - 1)
+        axes = words >> interface.CELL_COUNT_BITS
+        face_counts = 2 * _POPCOUNT[axes]  # a surface has two sides
+        ends, face_ends = np.cumsum(counts, dtype=np.uint32), np.cumsum(face_counts, dtype=np.uint32)
+        pairs, faces = (int(ends[-1]), int(face_ends[-1])) if cells else (0, 0)
+        records = np.empty((cells, 4), np.uint32)
+        np.subtract(ends, counts, out=records[:, 0])
+        records[:, 1] = counts
+        np.subtract(face_ends, face_counts, out=records[:, 2])
+        np.take(_FACINGS, axes, out=records[:, 3])
         if cells:
-            ends = np.cumsum(table[:, 0], dtype=np.int64)
-            face_counts = _POPCOUNT[table[:, 1]]
-            face_ends = np.cumsum(face_counts, dtype=np.int64)
-            pairs, faces = int(ends[-1]), int(face_ends[-1])
-            records[:, 0] = ends - table[:, 0]
-            records[:, 1] = table[:, 0]
-            records[:, 2] = face_ends - face_counts
-            records[:, 3] = table[:, 1]
-            counts.write(np.ascontiguousarray(records[:, 0]).tobytes())  # from here on: next list entry of each cell
-        cell_texture = gpu.list_texture("cells", len(records), 4, "u4", records)
+            cursors.write(np.ascontiguousarray(records[:, 0]))  # from here on: next list entry of each cell
+        cell_texture = gpu.list_texture("cells", cells, 4, "u4", records)
         triangles = gpu.list_texture("cell triangles", pairs, 1, "u4")
         opacities = gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.has_transparency else None
         textures = Faces(
@@ -333,7 +388,7 @@ class VoxelizePass:
             gpu.list_texture("faces", faces, 4, "u4"),
             gpu.list_texture("faces", faces, 4, "nu2"),
             gpu.list_texture("face emission", faces, 4, "f4") if materials.has_emission else None,
-            gpu.list_texture("faces", faces, 1, "u4", face_order(records[:cells]) if faces else None),
+            gpu.list_texture("faces", faces, 1, "u4"),
         )
         self._owned += [
             cell_texture, triangles, opacities, textures.place, textures.reflectance, textures.emission,
@@ -350,7 +405,7 @@ class VoxelizePass:
             cell_count=cells,
             pair_count=pairs,
         )
-        return voxels, records[:cells, 3].copy()
+        return voxels, axes
 
     def release(self) -> None:
         """Free everything."""

@@ -1,26 +1,39 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// From sums to faces: means, and the point of the surface that each face stands for.
-// Input: sums, cells with their positions, triangles.    Output: place_img, reflectance_img, emission_img of the faces.
+// From parts to faces: sums and means, and the point of the surface that each face stands for. One thread for each axis
+// that a cell has faces on. Sums are integers: the order of a cell's list cannot show.
+// Input: parts and triangles of cells, cells with their positions.
+// Output: place_img, reflectance_img, emission_img of the faces; order_img, the list of all faces facing by facing.
 
 #include "lib/grid.glsl"
 #include "lib/triangle.glsl"
 #include "lib/face.glsl"
+#include "lib/part.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
 layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
-layout(std430, binding = BUF_SUMS) readonly buffer Sums { uint sums[]; };
 layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
-layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cell | axis << 30
+layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
+layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cell | axis << 30, axis by axis
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
 layout(binding = IMG_1, rgba16) writeonly uniform image2D reflectance_img;
+layout(binding = IMG_2, r32ui) writeonly uniform uimage2D order_img;
 #if HAS_EMISSION
-layout(binding = IMG_2, rgba32f) writeonly uniform image2D emission_img;
+layout(binding = TEX_PART_EMISSION) uniform sampler2D part_emission_tex;
+layout(binding = IMG_3, rgba32f) writeonly uniform image2D emission_img;
 #endif
 
 uniform uint work_count;
-uniform uint sum_words;
+uniform uvec3 axis_counts;  // work items of each axis
+
+struct Sums {
+    uint area;
+    uvec3 reflectance;
+    uvec3 position;
+    uvec3 emission_low;  // emission has no bound: 32.32
+    uvec3 emission_high;
+};
 
 struct Face {
     vec3 position;
@@ -29,23 +42,57 @@ struct Face {
     vec3 emission;
 };
 
-// What the surfaces that face this way bring; `total` is the sum of their weights, not 0.
-Face mean_face(uint face, uint facing, vec3 corner, float total)
+// Add a part where `mask` is all ones, nothing where it is 0.
+void add_part(inout Sums sums, Part part, uint mask)
+{
+    sums.area += part.area & mask;
+    sums.reflectance += part.reflectance & mask;
+    sums.position += part.position & mask;
+}
+
+#if HAS_EMISSION
+void add_emission(inout Sums sums, vec3 emission, uint mask)
+{
+    emission = clamp(emission, 0.0, 4.0e9);
+    vec3 whole = floor(emission);
+    uvec3 low = uvec3(min((emission - whole) * 4294967296.0, 4294967040.0)) & mask;
+    uvec3 carry;
+    sums.emission_low = uaddCarry(sums.emission_low, low, carry);
+    sums.emission_high += (uvec3(whole) & mask) + carry;
+}
+#endif
+
+// What the surfaces of a cell bring to the two facings of an axis.
+void sum_parts(uvec4 record, uint axis, out Sums plus, out Sums minus)
+{
+    plus = Sums(0u, uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u));
+    minus = plus;
+    for (uint k = record.x; k < record.x + record.y; ++k) {
+        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        uint to_plus = part.facing == 2u * axis ? 0xFFFFFFFFu : 0u;
+        uint to_minus = part.facing == 2u * axis + 1u ? 0xFFFFFFFFu : 0u;
+        add_part(plus, part, to_plus);
+        add_part(minus, part, to_minus);
+#if HAS_EMISSION
+        for (bool emits = part.emits && (to_plus | to_minus) != 0u; emits; emits = false) {
+            vec3 emission = texelFetch(part_emission_tex, list_texel(k), 0).rgb;
+            add_emission(plus, emission, to_plus);
+            add_emission(minus, emission, to_minus);
+        }
+#endif
+    }
+}
+
+// What the surfaces that face this way bring; `total` is the sum of their areas, not 0.
+Face mean_face(Sums sums, uint facing, vec3 corner, float total)
 {
     Face result;
-    uint at = face * sum_words;
     float inverse = 1.0 / total;
-    result.reflectance.rgb = vec3(sums[at + 1u], sums[at + 2u], sums[at + 3u]) * inverse;
+    result.reflectance.rgb = vec3(sums.reflectance) * inverse;
     result.reflectance.a = sqrt(min(total / (FIXED_ONE * MAX_FACE_WEIGHT), 1.0));
-    result.position = corner + vec3(sums[at + 4u], sums[at + 5u], sums[at + 6u]) * inverse;
+    result.position = corner + vec3(sums.position) * inverse;
     result.normal = facing_vector(facing);
-    result.emission = vec3(0.0);
-#if HAS_EMISSION
-    for (int k = 0; k < 3; ++k) {
-        uint word = at + FACE_SUM_WORDS + 2u * uint(k);
-        result.emission[k] = (float(sums[word + 1u]) + float(sums[word]) / 4294967296.0) * inverse * FIXED_ONE;
-    }
-#endif
+    result.emission = (vec3(sums.emission_high) + vec3(sums.emission_low) / 4294967296.0) * inverse * FIXED_ONE;
     return result;
 }
 
@@ -93,19 +140,24 @@ void main()
         return;
     }
     uint index = work[number] & 0x3FFFFFFFu;
-    uint facing = 2u * (work[number] >> 30);
+    uint axis = work[number] >> 30;
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
-    uint packed_position = texelFetch(cell_positions_tex, list_texel(index), 0).r;
-    vec3 corner = vec3(packed_position & 2047u, packed_position >> 11 & 2047u, packed_position >> 22);
-    uint first = face_index(record, facing);
-    float totals[2] = float[2](float(sums[first * sum_words]), float(sums[(first + 1u) * sum_words]));
-    if (totals[0] == 0.0 && totals[1] == 0.0) {
-        totals[0] = 1.0;  // so little of a surface that it was rounded away: black, at the cell's corner
+    uint first = face_index(record, 2u * axis);
+    uint before = (axis > 0u ? axis_counts.x : 0u) + (axis > 1u ? axis_counts.y : 0u);
+    imageStore(order_img, list_texel(number + before), uvec4(first));
+    imageStore(order_img, list_texel(number + before + axis_counts[axis]), uvec4(first + 1u));
+
+    vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r));
+    Sums plus, minus;
+    sum_parts(record, axis, plus, minus);
+    if (plus.area == 0u && minus.area == 0u) {
+        plus.area = 1u;  // so little of a surface that it was rounded away: black, at the cell's corner
     }
-    uint begin = totals[0] > 0.0 ? 0u : 1u;
-    uint end = totals[1] > 0.0 ? 2u : 1u;
+    uint begin = plus.area > 0u ? 0u : 1u;
+    uint end = minus.area > 0u ? 2u : 1u;
     for (uint side = begin; side < end; ++side) {
-        Face face = mean_face(first + side, facing + side, corner, totals[side]);
+        Sums sums = side == 0u ? plus : minus;
+        Face face = mean_face(sums, 2u * axis + side, corner, float(sums.area));
         find_surface(face, record, corner);
         store(first + side, face);
         if (end - begin == 1u) {
