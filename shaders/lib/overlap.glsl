@@ -14,9 +14,6 @@
 #include "lib/triangle.glsl"
 #include "lib/grid.glsl"
 
-// Columns of cells (along the dominant axis) that one work item handles.
-const int COLUMNS_PER_ITEM = 8;
-
 void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal);
 
 // Turn the axes so that `axis` becomes z, and back.
@@ -53,14 +50,15 @@ ivec4 column_range(Triangle t, int axis)
     return ivec4(first, last - first + 1);
 }
 
-uint item_count(Triangle t)
+// How many columns there are to look at; 0: the triangle cannot be seen.
+uint column_count(Triangle t)
 {
     vec3 n = cross(t.edge_1, t.edge_2);
     if (!(dot(n, n) > 0.0)) {
-        return 0u;  // no area: it cannot be seen
+        return 0u;
     }
     ivec4 range = column_range(t, dominant_axis(n));
-    return uint((range.z * range.w + COLUMNS_PER_ITEM - 1) / COLUMNS_PER_ITEM);
+    return uint(range.z * range.w);
 }
 
 // How many cells a triangle enters, on average over where it lies in the grid, rounded up: the volume that the cells' origins
@@ -176,10 +174,10 @@ void visit_cells(uint triangle_index, uint item)
     float z_hi = max(a.z, max(b.z, c.z));
     int z_size = turn(grid_size, axis).z;
     float area_scale = 1.0 / abs(turn(normal, axis).z);
-    int first = int(item) * COLUMNS_PER_ITEM;
-    int last = min(first + COLUMNS_PER_ITEM, range.z * range.w);
+    int first = int(item * COLUMNS_PER_ITEM);
+    int last = min(first + int(COLUMNS_PER_ITEM), range.z * range.w);
+    ivec2 column = range.xy + ivec2(first % range.z, first / range.z);
     for (int k = first; k < last; ++k) {
-        ivec2 column = range.xy + ivec2(k % range.z, k / range.z);
         // Depth of the plane at the column's centre, and how far it can differ within the column.
         float z_mid = a.z + dot(slope, vec2(column) + 0.5 - a.xy);
         float z_half = 0.5 * (abs(slope.x) + abs(slope.y)) + 1e-3;
@@ -208,5 +206,7 @@ void visit_cells(uint triangle_index, uint item)
             visit_cell(triangle_index, t, turn_back(ivec3(column, z), axis), area * area_scale,
                        turn_back(at, axis), normal);
         }
+        bool is_last = ++column.x == range.x + range.z;
+        column = is_last ? ivec2(range.x, column.y + 1) : column;
     }
 }
