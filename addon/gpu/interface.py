@@ -27,8 +27,6 @@ BRICK = 4
 
 #: Fixed-point unit of the sums of voxelization: 16.16, so that sums are integers and do not depend on order.
 FIXED_ONE = 65536
-#: Columns of cells that one work item of voxelization handles at most.
-COLUMNS_PER_ITEM = 8
 #: While cells are counted, the axes that their surfaces face lie above the number of their triangles.
 CELL_COUNT_BITS = 29
 
@@ -226,7 +224,6 @@ def prelude() -> str:
         "TRIANGLES_PER_ROW": TRIANGLES_PER_ROW,
         "BRICK": BRICK,
         "FIXED_ONE": f"{FIXED_ONE}.0",
-        "COLUMNS_PER_ITEM": f"{COLUMNS_PER_ITEM}u",
         "CELL_COUNT_BITS": CELL_COUNT_BITS,
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",

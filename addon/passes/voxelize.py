@@ -29,8 +29,6 @@ from .materials import MaterialPass, MaterialSet
 PAIRS_PER_STEP = 1 << 18
 #: Work items likewise: a few pairs each.
 ITEMS_PER_STEP = 1 << 17
-TRIANGLES_PER_BLOCK = 1 << 13
-MAX_WORK_KINDS = 1 << 16
 
 _POPCOUNT = np.array([bin(value).count("1") for value in range(1 << 16)], np.uint8)
 #: Both facings of each axis, for each set of axes.
@@ -225,16 +223,14 @@ class VoxelizePass:
         """Where each batch's work items start (and the last ones end), about how many pairs there are, the items."""
         gpu, slot = self.gpu, interface.slot
         batches = len(materials.batches)
-        blocks = max(1, min(geometry.triangle_count // TRIANGLES_PER_BLOCK, MAX_WORK_KINDS // (8 * batches)))
-        kinds = batches * blocks * interface.COLUMNS_PER_ITEM
-        counters = gpu.buffer("voxel counters", size=4 * (kinds + 1))
+        counters = gpu.buffer("voxel counters", size=4 * (batches + 1))
         self._temporary.append(counters)
 
         def run(count: bool) -> None:
             kernel = gpu.kernel("work", {"COUNT": count})
             kernel.set(
                 grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=int(RayVisibility.ALL),
-                batch_count=batches, block_count=blocks, block_size=max(1, -(-geometry.triangle_count // blocks)),
+                batch_count=batches,
             )  # fmt: skip
             geometry.triangles.use(slot("TEX_TRIANGLES"))
             materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
@@ -243,14 +239,14 @@ class VoxelizePass:
             gpu.barrier()  # counters are read back, work by later steps
 
         run(count=True)
-        counts = np.frombuffer(counters.read(), np.uint32)[: kinds + 1].tolist()
-        starts = [0, *accumulate(counts[:kinds])]
+        counts = np.frombuffer(counters.read(), np.uint32)[: batches + 1].tolist()
+        starts = [0, *accumulate(counts[:batches])]
         counters.write(np.array(starts, np.uint32))
         work = gpu.buffer("voxel work", size=8 * starts[-1])
         self._temporary.append(work)
         work.bind_to_storage_buffer(slot("BUF_WORK"))
         run(count=False)
-        return starts[:: blocks * interface.COLUMNS_PER_ITEM], counts[-1], work
+        return starts, counts[-1], work
 
     def _list_pairs(
         self,

@@ -14,6 +14,9 @@
 #include "lib/triangle.glsl"
 #include "lib/grid.glsl"
 
+// Columns of cells (along the dominant axis) that one work item handles.
+const int COLUMNS_PER_ITEM = 8;
+
 void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal);
 
 // Turn the axes so that `axis` becomes z, and back.
@@ -50,15 +53,14 @@ ivec4 column_range(Triangle t, int axis)
     return ivec4(first, last - first + 1);
 }
 
-// How many columns there are to look at; 0: the triangle cannot be seen.
-uint column_count(Triangle t)
+uint item_count(Triangle t)
 {
     vec3 n = cross(t.edge_1, t.edge_2);
     if (!(dot(n, n) > 0.0)) {
-        return 0u;
+        return 0u;  // no area: it cannot be seen
     }
     ivec4 range = column_range(t, dominant_axis(n));
-    return uint(range.z * range.w);
+    return uint((range.z * range.w + COLUMNS_PER_ITEM - 1) / COLUMNS_PER_ITEM);
 }
 
 // How many cells a triangle enters, on average over where it lies in the grid, rounded up: the volume that the cells' origins
@@ -174,8 +176,8 @@ void visit_cells(uint triangle_index, uint item)
     float z_hi = max(a.z, max(b.z, c.z));
     int z_size = turn(grid_size, axis).z;
     float area_scale = 1.0 / abs(turn(normal, axis).z);
-    int first = int(item * COLUMNS_PER_ITEM);
-    int last = min(first + int(COLUMNS_PER_ITEM), range.z * range.w);
+    int first = int(item) * COLUMNS_PER_ITEM;
+    int last = min(first + COLUMNS_PER_ITEM, range.z * range.w);
     ivec2 column = range.xy + ivec2(first % range.z, first / range.z);
     float z_half = 0.5 * (abs(slope.x) + abs(slope.y)) + 1e-3;
     // One loop, not one in another: threads side by side wait for each other once a cell, not once a column.
