@@ -83,10 +83,11 @@ void sum_parts(uvec4 record, uint axis, out Sums plus, out Sums minus)
     }
 }
 
-// What the surfaces that face this way bring; `total` is the sum of their areas, not 0.
-Face mean_face(Sums sums, uint facing, vec3 corner, float total)
+// What the surfaces that face this way bring; of no use when there are none.
+Face mean_face(Sums sums, uint facing, vec3 corner)
 {
     Face result;
+    float total = float(sums.area);
     float inverse = 1.0 / total;
     result.reflectance.rgb = vec3(sums.reflectance) * inverse;
     result.reflectance.a = sqrt(min(total / (FIXED_ONE * MAX_FACE_WEIGHT), 1.0));
@@ -96,32 +97,51 @@ Face mean_face(Sums sums, uint facing, vec3 corner, float total)
     return result;
 }
 
-// The mean of curved or layered surfaces lies inside them: take the outermost surface of the cell in front of it or
-// behind it.
-void find_surface(inout Face face, uvec4 record, vec3 corner)
+// The surface of a cell that is outermost along a line.
+struct Outermost {
+    float height;     // above where the line starts
+    uint triangle;    // NONE_INDEX: the line meets nothing
+    vec3 face_cross;  // the triangle's normal, not unit
+};
+
+void consider(inout Outermost outermost, Face face, Triangle t, uint index, vec3 corner)
 {
-    vec3 outward = face.normal;
-    vec3 origin = face.position;
-    float height = -2.0;
-    uint highest = NONE_INDEX;
+    vec2 barycentric;
+    float distance;
+    bool crosses = intersect_plane(t, face.position, face.normal, barycentric, distance);
+    vec3 at = face.position + face.normal * distance - corner;
+    bool inside = min(barycentric.x, barycentric.y) >= 0.0 && barycentric.x + barycentric.y <= 1.0 &&
+                  all(greaterThan(at, vec3(-1e-3))) && all(lessThan(at, vec3(1.001)));
+    // Equal heights go to the lower index: the order of the cell's list must not show.
+    if (crosses && inside && (distance > outermost.height ||
+                              (distance == outermost.height && index < outermost.triangle))) {
+        outermost = Outermost(distance, index, cross(t.edge_1, t.edge_2));
+    }
+}
+
+void move_to(inout Face face, Outermost outermost)
+{
+    if (outermost.triangle != NONE_INDEX) {
+        vec3 n = normalize(outermost.face_cross);
+        face.position += face.normal * outermost.height;
+        face.normal = dot(n, face.normal) < 0.0 ? -n : n;
+    }
+}
+
+// The mean of curved or layered surfaces lies inside them: take the outermost surface of the cell in front of it or
+// behind it. (Both faces in one loop, though one is mostly not wanted: fetching the triangles is what takes time.)
+void find_surfaces(inout Face plus, inout Face minus, uvec4 record, vec3 corner)
+{
+    Outermost above = Outermost(-2.0, NONE_INDEX, vec3(0.0));
+    Outermost below = above;
     for (uint k = record.x; k < record.x + record.y; ++k) {
         uint index = texelFetch(cell_triangles_tex, list_texel(k), 0).r;
         Triangle t = fetch_triangle(index);
-        vec2 barycentric;
-        float distance;
-        bool crosses = intersect_plane(t, origin, outward, barycentric, distance);
-        vec3 at = origin + outward * distance - corner;
-        bool inside = min(barycentric.x, barycentric.y) >= 0.0 && barycentric.x + barycentric.y <= 1.0 &&
-                      all(greaterThan(at, vec3(-1e-3))) && all(lessThan(at, vec3(1.001)));
-        // Equal heights go to the lower index: the order of the cell's list must not show.
-        if (crosses && inside && (distance > height || (distance == height && index < highest))) {
-            height = distance;
-            highest = index;
-            vec3 n = normalize(cross(t.edge_1, t.edge_2));
-            face.normal = dot(n, outward) < 0.0 ? -n : n;
-            face.position = origin + outward * distance;
-        }
+        consider(above, plus, t, index, corner);
+        consider(below, minus, t, index, corner);
     }
+    move_to(plus, above);
+    move_to(minus, below);
 }
 
 void store(uint index, Face face)
@@ -153,17 +173,17 @@ void main()
     if (plus.area == 0u && minus.area == 0u) {
         plus.area = 1u;  // so little of a surface that it was rounded away: black, at the cell's corner
     }
-    uint begin = plus.area > 0u ? 0u : 1u;
-    uint end = minus.area > 0u ? 2u : 1u;
-    for (uint side = begin; side < end; ++side) {
-        Sums sums = side == 0u ? plus : minus;
-        Face face = mean_face(sums, 2u * axis + side, corner, float(sums.area));
-        find_surface(face, record, corner);
-        store(first + side, face);
-        if (end - begin == 1u) {
-            // The side that nothing was made for is the back of a sheet: the same surface, turned over.
-            face.normal = -face.normal;
-            store(first + 1u - side, face);
-        }
+    Face front = mean_face(plus, 2u * axis, corner);
+    Face back = mean_face(minus, 2u * axis + 1u, corner);
+    find_surfaces(front, back, record, corner);
+    // The side that nothing was made for is the back of a sheet: the same surface, turned over.
+    if (plus.area == 0u) {
+        front = back;
+        front.normal = -back.normal;
+    } else if (minus.area == 0u) {
+        back = front;
+        back.normal = -front.normal;
     }
+    store(first, front);
+    store(first + 1u, back);
 }
