@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.gpu.interface import BRICK
-from addon.passes.voxelize import brick_distances, cell_positions, popcount
+from addon.passes.voxel_numbers import brick_distances, cell_positions, popcount
 
 
 def masks_of(cells: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:

@@ -63,8 +63,8 @@ uint item_count(Triangle t)
     return uint((range.z * range.w + COLUMNS_PER_ITEM - 1) / COLUMNS_PER_ITEM);
 }
 
-// How many cells a triangle enters, on average over where it lies in the grid, rounded up: the volume that the cells' origins
-// can take, which is that of the triangle's Minkowski sum with a cell.
+// How many cells a triangle enters, on average over where it lies in the grid, rounded up: the volume of the triangle's
+// Minkowski sum with a cell.
 uint expected_cells(Triangle t)
 {
     vec3 extent = max(vec3(0.0), max(t.edge_1, t.edge_2)) - min(vec3(0.0), min(t.edge_1, t.edge_2));

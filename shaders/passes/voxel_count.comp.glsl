@@ -10,7 +10,6 @@ layout(local_size_x = GROUP_SIZE) in;
 layout(binding = TEX_PAIRS) uniform usampler2D pairs_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cells { uint cells[]; };
 
-uniform uint pair_first;
 uniform uint pair_count;
 
 void main()
@@ -19,7 +18,7 @@ void main()
     if (number >= pair_count) {
         return;
     }
-    uvec4 pair = texelFetch(pairs_tex, list_texel(pair_first + number), 0);
+    uvec4 pair = texelFetch(pairs_tex, list_texel(number), 0);
     uint index = cell_index(pair_cell(pair));
     uint axis = 1u << uint(CELL_COUNT_BITS + pair_axis(pair));
     if ((atomicAdd(cells[index], 1u) & axis) == 0u) {
