@@ -145,6 +145,43 @@ def test_order_of_work_does_not_show(shape: str, gpu: GpuContext, monkeypatch: p
             assert same_faces(first, second)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_low_estimate_of_pairs_does_not_show(kind: str, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The estimate suffices for triangles here and there; where it does not, pairs are listed again."""
+    made = scenes.scene((scenes.soup(triangles_in_grid(kind, 200)), scenes.glowing(0.4, 3.0)))
+    original_work, original_list = VoxelizePass._work, VoxelizePass._list_pairs
+    capacities = []
+
+    def low(self: VoxelizePass, *arguments: Any) -> Any:
+        starts, _, work = original_work(self, *arguments)
+        return starts, 7, work
+
+    def listed(self: VoxelizePass, *arguments: Any) -> Any:
+        capacities.append(arguments[-1])
+        return original_list(self, *arguments)
+
+    monkeypatch.setattr(VoxelizePass, "_list_pairs", listed)
+    with voxelized(gpu, made, unit_grid(SIZE)) as first:
+        count = first.voxels.pair_count
+        assert len(capacities) == 1 and count <= capacities[0] < 2 * count
+        monkeypatch.setattr(VoxelizePass, "_work", low)
+        with voxelized(gpu, made, unit_grid(SIZE)) as second:
+            assert capacities[1:] == [7, count]
+            assert same_faces(first, second)
+
+
+def test_materials_keep_to_their_surfaces(gpu: GpuContext) -> None:
+    """Pairs are listed batch by batch: surfaces of several programs, and each face has its own material."""
+    surfaces = (scenes.diffuse((0.8, 0.1, 0.1)), scenes.glowing(0.5, 3.0), scenes.emission((2.0, 1.0, 0.0)))
+    floors = [(scenes.plane(20.0, height), surface) for height, surface in zip((2.5, 9.5, 17.5), surfaces, strict=True)]
+    with voxelized(gpu, scenes.scene(*floors), unit_grid(SIZE)) as found:
+        for layer, color, light in ((2, (0.8, 0.1, 0.1), 0.0), (9, 0.5, 3.0), (17, 0.0, (2.0, 1.0, 0.0))):
+            faces = found.faces[(found.face_cells[:, 2] == layer) & (found.faces["weight"] > 0.9)]
+            assert len(faces) > 2 * 15**2 / 4
+            np.testing.assert_allclose(faces["reflectance"], np.broadcast_to(color, (len(faces), 3)), atol=1e-3)
+            np.testing.assert_allclose(faces["emission"], np.broadcast_to(light, (len(faces), 3)), rtol=2e-3)
+
+
 def test_order_of_triangles_hardly_shows(gpu: GpuContext) -> None:
     """Triangles in another order: the same cells and lists. Sums differ by their unit (1/65536) at most for each
     triangle, as its number decides which way they are rounded."""

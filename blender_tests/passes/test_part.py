@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Parts that surfaces bring to faces are kept bit by bit."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from addon.gpu.context import GpuContext
+from blender_tests.passes.run import map_list, test_kernel
+
+
+def test_parts_are_kept(gpu: GpuContext) -> None:
+    """Random parts, and each number alone at its largest: 17 bits, six facings."""
+    rng = np.random.default_rng(4)
+    largest = np.array([5, 1] + [2**17 - 1] * 7)
+    rows = np.zeros((209, 12))
+    rows[:200, :9] = rng.integers(0, largest + 1, (200, 9))
+    rows[200:, :9] = np.diag(largest)
+    found = map_list(gpu, test_kernel(gpu, "part"), rows, 12)
+    np.testing.assert_array_equal(found, rows)
+
+
+def test_a_part_too_large_stays_the_largest(gpu: GpuContext) -> None:
+    rows = np.zeros((1, 12))
+    rows[0, 2:9] = 2**20 + 5
+    np.testing.assert_array_equal(map_list(gpu, test_kernel(gpu, "part"), rows, 12)[0, 2:9], 2**17 - 1)
