@@ -104,8 +104,9 @@ def filter_reach(filter_width: float) -> int:
 
 
 def filter_weights(place: float, filter_width: float) -> list[float]:
-    """Weights of the pixels from ``-reach`` to ``reach`` whose samples lie at ``place`` in each; zeros follow. Their sum
-    is 1 on average over places: a pass counts by what it finds of the filter.
+    """Weights of the pixels from ``-reach`` to ``reach`` whose samples lie at ``place`` in each; zeros follow.
+
+    Their sum is 1 on average over places: a pass counts by what it finds of the filter.
 
     The Blackman-Harris window (Harris 1978), which falls to zero ``filter_width`` pixels from the middle: as in Cycles,
     it is twice as wide in all as the setting says.

@@ -168,6 +168,7 @@ class Pipeline:
             with self.gpu.timed("geometry"):
                 self._geometry.run(scene, self.grid, materials)
             memo.done("geometry", *shape, *resolution)
+            yield Progress(0.05, "Voxelizing")
         geometry, grid = self._geometry.geometry, self.grid
         assert geometry is not None and grid is not None
 

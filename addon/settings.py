@@ -117,7 +117,7 @@ class Settings:
     )
     rays: int = _setting(
         "Rays per Pass",
-        4,
+        2,
         "Diffuse directions gathered at each pixel in each pass.",
         Panel.SAMPLING,
         lo=1,
@@ -357,9 +357,9 @@ class Settings:
 
 #: What each preset changes from the defaults.
 PRESETS: dict[str, dict[str, Any]] = {
-    "draft": {"samples": 4, "rays": 4, "bounces": 16, "bounce_rays": 4, "memory_budget": 16},
+    "draft": {"samples": 4, "bounces": 16, "bounce_rays": 4, "memory_budget": 16},
     "balanced": {},
-    "final": {"samples": 128, "rays": 4, "bounces": 256, "bounce_rays": 16, "memory_budget": 256},
+    "final": {"samples": 128, "noise_threshold": 0.003, "bounces": 256, "bounce_rays": 16, "memory_budget": 256},
 }
 
 

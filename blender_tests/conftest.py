@@ -27,10 +27,9 @@ def extract(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     from addon.host.extract import scene as module
     from addon.materials.graph import MaterialData, WorldData
 
+    monkeypatch.setattr(module, "extract_material", lambda m, *_: MaterialData(m.name, None))
     monkeypatch.setattr(
-        module,
-        "_converters",
-        lambda warnings: (lambda m: MaterialData(m.name, None), lambda w: WorldData(w.name, None, tuple(w.color))),
+        module, "extract_world", lambda w, *_: WorldData(w.name, None, tuple(w.color)) if w is not None else None
     )
     outcome: list[Any] = []
 
@@ -43,7 +42,7 @@ def extract(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
             scale = render.resolution_percentage / 100
             resolution = (int(render.resolution_x * scale), int(render.resolution_y * scale))
             try:
-                outcome.append(module.extract_scene(depsgraph, resolution=resolution))
+                outcome.append(module.SceneReader().read(depsgraph, resolution))
             except Exception as error:
                 outcome.append(error)
 

@@ -33,10 +33,16 @@ def write(path: str | os.PathLike[str], picture: Picture, *, half: bool = True) 
         raise OSError(f"picture '{path}' cannot be written: {buffer.geterror()}")
 
 
-def relative_mse(picture: Picture, reference: Picture) -> float:
-    """Mean of (x - r)^2 / (r^2 + 0.01 mean(r)^2) over pixels and colour channels, the mean taken for each channel."""
-    x, r = picture[..., :3].astype(np.float64), reference[..., :3].astype(np.float64)
-    return float(((x - r) ** 2 / (r**2 + 0.01 * r.mean(axis=(0, 1)) ** 2)).mean())
+def relative_mse(picture: Picture, reference: Picture, second: Picture | None = None) -> float:
+    """Mean of (x - r)^2 / (r^2 + 0.01 mean(r)^2) over pixels and colour channels, the mean taken for each channel.
+
+    With a ``second`` reference, rendered independently, (x - a)(x - b) takes the place of the square, and r of the rest
+    is their mean: then noise of the references cancels. The result can be a little below 0.
+    """
+    x, a = picture[..., :3].astype(np.float64), reference[..., :3].astype(np.float64)
+    b = a if second is None else second[..., :3].astype(np.float64)
+    r = 0.5 * (a + b)
+    return float(((x - a) * (x - b) / (r**2 + 0.01 * r.mean(axis=(0, 1)) ** 2)).mean())
 
 
 def bias(picture: Picture, reference: Picture) -> float:

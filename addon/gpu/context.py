@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import sys
 import time
 from collections.abc import Iterator, Mapping
@@ -16,6 +17,8 @@ import numpy as np
 from . import interface, loader
 from .program import ShaderError, Source, resolve
 from .state import saved_state
+
+_DISPATCH_INDIRECT_BUFFER = 0x90EE
 
 
 class GpuUnavailable(RuntimeError):
@@ -65,19 +68,19 @@ class Kernel:
     def run_groups(self, x: int, y: int, z: int) -> None:
         """Run this many work groups."""
         self._warm_up()
-        self.shader.run(x, y, z)
+        self.gpu.dispatch(self.shader, x, y, z)
 
     def run_indirect(self, arguments: moderngl.Buffer, offset: int) -> None:
         """Run as many work groups as three numbers at ``offset`` of a buffer say."""
         self._warm_up()
-        self.shader.run_indirect(arguments, offset)
+        self.gpu.dispatch_indirect(self.shader, arguments, offset)
 
     def _warm_up(self) -> None:
         """An empty dispatch with everything bound, so that compiling is not counted as the pass's own time."""
         if self.is_cold:
             self.is_cold = False
             with self.gpu.timed("compile"):
-                self.shader.run_indirect(self.gpu.no_groups, 0)
+                self.gpu.dispatch_indirect(self.shader, self.gpu.no_groups, 0)
 
 
 class GpuContext:
@@ -104,7 +107,14 @@ class GpuContext:
         mgl.error  # noqa: B018 - reading clears an error that was there before us
         self.no_groups = mgl.buffer(bytes(12))  # arguments of an indirect dispatch of nothing
         # By ctypes, so that other threads of Python run meanwhile, Blender's interface among them; moderngl stops them.
-        self._finish = loader.current_context_loader().function("glFinish", None)
+        # On the CPU a dispatch comes back only when it is done.
+        function = loader.current_context_loader().function
+        unsigned, signed = ctypes.c_uint, ctypes.c_ssize_t
+        self._finish = function("glFinish", None)
+        self._use_program = function("glUseProgram", None, unsigned)
+        self._bind_buffer = function("glBindBuffer", None, unsigned, unsigned)
+        self._dispatch = function("glDispatchCompute", None, unsigned, unsigned, unsigned)
+        self._dispatch_indirect = function("glDispatchComputeIndirect", None, signed)
 
     # Contexts ---------------------------------------------------------------------------------------------------
 
@@ -180,6 +190,17 @@ class GpuContext:
             except Exception as error:
                 raise ShaderError(_shader_message(fragment, defines, error)) from error
         return self._programs[key]
+
+    def dispatch(self, shader: moderngl.ComputeShader, x: int, y: int, z: int) -> None:
+        """Run this many work groups."""
+        self._use_program(shader.glo)
+        self._dispatch(x, y, z)
+
+    def dispatch_indirect(self, shader: moderngl.ComputeShader, arguments: moderngl.Buffer, offset: int) -> None:
+        """Run as many work groups as three numbers at ``offset`` of a buffer say."""
+        self._use_program(shader.glo)
+        self._bind_buffer(_DISPATCH_INDIRECT_BUFFER, arguments.glo)
+        self._dispatch_indirect(offset)
 
     # Storage ----------------------------------------------------------------------------------------------------
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import re
 import sys
@@ -70,15 +71,32 @@ def has_own_context() -> bool:
     return not bpy.app.background or backend_in_use()[0] == "VULKAN"
 
 
-def on_thread_of_context(work: Callable[[], bool]) -> bool:
-    """Calls ``work`` where its GL context can be made and used, and waits for it; raises what it raises.
+class ContextThread:
+    """Where a GL context can be made and used, again and again until :meth:`end`.
 
     A context of our own needs a thread of its own: made on one of Blender's it would take the place of Blender's.
     """
-    if not has_own_context():
-        return work()
-    with ThreadPoolExecutor(max_workers=1, thread_name_prefix="conelight") as pool:
-        return pool.submit(work).result()
+
+    def __init__(self) -> None:
+        self._pool: ThreadPoolExecutor | None = None
+
+    def run(self, work: Callable[[], bool]) -> bool:
+        """Calls ``work`` there and waits for it; raises what it raises."""
+        if not has_own_context():
+            return work()
+        if self._pool is None:
+            self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="conelight")
+        return self._pool.submit(work).result()
+
+    def end(self, work: Callable[[], None] | None = None) -> None:
+        """Lets a thread of our own do some last ``work`` and end, without waiting for it."""
+        pool, self._pool = self._pool, None
+        if pool is None:
+            return
+        if work is not None:
+            with contextlib.suppress(RuntimeError):  # Python itself is ending, and the context with it
+                pool.submit(work)
+        pool.shutdown(wait=False)
 
 
 _background_has_gl: bool | None = None

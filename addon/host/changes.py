@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import enum
+from dataclasses import dataclass
 from typing import Any
 
 import bpy
@@ -11,7 +12,7 @@ import bpy
 
 class Change(enum.Flag):
     NONE = 0
-    GEOMETRY = enum.auto()  # shape, place, number or visibility of objects
+    GEOMETRY = enum.auto()  # shape, place, number or visibility of objects, and which material they have
     MATERIAL = enum.auto()
     LIGHT = enum.auto()
     WORLD = enum.auto()
@@ -19,6 +20,18 @@ class Change(enum.Flag):
     SETTINGS = enum.auto()  # of the render or of this engine
     ALL = GEOMETRY | MATERIAL | LIGHT | WORLD | CAMERA | SETTINGS
 
+
+@dataclass(frozen=True)
+class Changes:
+    """``shapes`` and ``images`` are session_uids; None: of all there are."""
+
+    kinds: Change
+    shapes: frozenset[int] | None  # objects, and data of objects, whose geometry was evaluated anew
+    images: frozenset[int] | None
+
+
+#: Where nothing is known of what was there before.
+EVERYTHING = Changes(Change.ALL, None, None)
 
 #: Data that several things may use: whatever it was, all of them may look different.
 _SHARED_LOOK = Change.MATERIAL | Change.WORLD | Change.LIGHT
@@ -37,27 +50,44 @@ def _of_data(data: Any) -> Change:
             return Change.MATERIAL
         case bpy.types.GeometryNodeTree():
             return Change.GEOMETRY
-        case bpy.types.NodeTree() | bpy.types.Image() | bpy.types.MovieClip() | bpy.types.Texture():
+        case bpy.types.CompositorNodeTree():
+            return Change.SETTINGS
+        case bpy.types.NodeTree():
+            return Change.NONE if data.is_embedded_data else _SHARED_LOOK  # what embeds it is reported too
+        case bpy.types.Image() | bpy.types.MovieClip() | bpy.types.Texture():
             return _SHARED_LOOK
         case bpy.types.Scene():
             # The scene says which camera is used, and nothing else tells that a collection is hidden.
-            return Change.SETTINGS | Change.CAMERA | Change.GEOMETRY
+            return Change.SETTINGS | Change.CAMERA | Change.GEOMETRY | Change.LIGHT
+        case bpy.types.Action() | bpy.types.FreestyleLineStyle() | bpy.types.Sound() | bpy.types.Text():
+            return Change.NONE  # what an action moves is reported too
+        case bpy.types.Collection() | bpy.types.ParticleSettings():
+            return Change.GEOMETRY | Change.LIGHT  # they can hold lights, or instance them
         case _:
-            return Change.GEOMETRY  # meshes, curves, collections, shape keys, and whatever else makes objects
+            return Change.GEOMETRY  # meshes, curves, shape keys, and whatever else makes objects
 
 
-def _of_object(update: Any) -> Change:
-    if update.id.type == "CAMERA":
+def _of_object(thing: Any) -> Change:
+    if thing.type == "CAMERA":
         return Change.CAMERA
-    if update.id.type == "LIGHT":
+    if thing.type == "LIGHT":
         return Change.LIGHT
-    # Visibility to kinds of rays counts as geometry here, and Blender reports it as shading.
-    return Change.GEOMETRY | Change.MATERIAL if update.is_updated_shading else Change.GEOMETRY
+    return Change.GEOMETRY | Change.LIGHT if thing.is_instancer else Change.GEOMETRY
 
 
-def changes_in(depsgraph: Any) -> Change:
-    """What changed since the depsgraph was evaluated last. Errs on the side of too much."""
-    change = Change.NONE
+def changes_in(depsgraph: Any) -> Changes:
+    """What changed since the depsgraph was evaluated last. Errs on the side of too much.
+
+    A depsgraph does not report pixels, size and alpha mode of images that a script changed, and which frame an image
+    sequence shows.
+    """
+    kinds = Change.NONE
+    shapes, images = set(), set()
     for update in depsgraph.updates:
-        change |= _of_object(update) if isinstance(update.id, bpy.types.Object) else _of_data(update.id)
-    return change
+        data = update.id
+        kinds |= _of_object(data) if isinstance(data, bpy.types.Object) else _of_data(data)
+        if update.is_updated_geometry:
+            shapes.add(data.original.session_uid)
+        if isinstance(data, bpy.types.Image):
+            images.add(data.original.session_uid)
+    return Changes(kinds, frozenset(shapes), frozenset(images))

@@ -10,9 +10,9 @@ from typing import Any
 import bpy
 
 from . import session
-from .backend import background_has_gl, has_own_context, on_thread_of_context
+from .backend import background_has_gl
 from .film import wanted_passes, write_passes
-from .session import Session
+from .session import RenderCancelled, Session
 
 ENGINE_ID = "CONELIGHT"
 
@@ -58,9 +58,12 @@ class ConelightEngine(bpy.types.RenderEngine):
             self._session = Session(is_preview=self.is_preview)
         self._failed = session.last_error is not None and not self._session.is_preview
         if self._failed:
+            self._session.forget()
             return  # an earlier layer or frame of this render failed, and Blender goes on all the same
         try:
-            self._session.synchronize(depsgraph, (self.resolution_x, self.resolution_y))
+            self._session.synchronize(depsgraph, (self.resolution_x, self.resolution_y), self.test_break)
+        except RenderCancelled:
+            self._failed = True
         except (Exception, KeyboardInterrupt) as error:
             self._fail(error)
 
@@ -72,7 +75,7 @@ class ConelightEngine(bpy.types.RenderEngine):
         result = self.begin_result(0, 0, self.resolution_x, self.resolution_y, layer=view_layer.name)
         finished = False
         try:
-            finished = on_thread_of_context(lambda: self._render(depsgraph.scene, view_layer, result))
+            finished = self._session.thread.run(lambda: self._render(depsgraph.scene, view_layer, result))
         except (Exception, KeyboardInterrupt) as error:
             self._fail(error)
         finally:
@@ -83,7 +86,7 @@ class ConelightEngine(bpy.types.RenderEngine):
         try:
             return self._fill(scene, view_layer, result)
         finally:
-            self._release(keep=scene.render.use_persistent_data and not has_own_context())
+            self._release(keep=scene.render.use_persistent_data)
 
     def _fill(self, scene: Any, view_layer: Any, result: Any) -> bool:
         current = self._session
@@ -140,9 +143,10 @@ class ConelightEngine(bpy.types.RenderEngine):
         self.error_set(session.last_error)
 
     def _release(self, keep: bool) -> None:
-        """Frees GPU memory, unless it is to be kept for the next frame, which must have the same GL context."""
+        """Frees memory, unless what is in it is to be kept for the next frame."""
         if self._session is None or keep:
             return
+        self._session.forget()
         try:
             self._session.release()
         except Exception:

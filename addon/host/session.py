@@ -17,8 +17,7 @@ import numpy as np
 
 from ..scene import SceneData
 from ..settings import Settings
-from .backend import backend_in_use, has_own_context
-from .changes import Change, changes_in
+from .backend import ContextThread, backend_in_use, has_own_context
 from .properties import settings_from_scene
 
 #: What the last render (not a preview) was and took; empty before the first. Keys: see docs of ``--stats``.
@@ -43,6 +42,10 @@ _abandoned: list[tuple[Any, Any]] = []
 
 class RenderFailed(Exception):
     """A render cannot go on; the message is a sentence for the user."""
+
+
+class RenderCancelled(Exception):
+    """The user pressed Esc."""
 
 
 def begin_render() -> None:
@@ -93,30 +96,40 @@ class Session:
         self.is_preview = is_preview
         self.settings = Settings()
         self.scene: SceneData | None = None
-        self._scene_key: tuple[Any, ...] = ()
+        self.thread = ContextThread()
+        self._reader: Any = None
         self._extraction_ms = 0.0
         self._context: Any = None
         self._pipeline: Any = None
 
-    def synchronize(self, depsgraph: Any, resolution: tuple[int, int]) -> Change:
-        """Reads settings and, where something changed, the scene. ``resolution``: of the whole frame, in pixels.
+    def synchronize(
+        self, depsgraph: Any, resolution: tuple[int, int], test_break: Callable[[], bool] = lambda: False
+    ) -> None:
+        """Reads settings and what may have changed in the scene. ``resolution``: of the whole frame, in pixels.
 
-        Returns what changed. Raises ExtractionError, and then holds no scene.
+        To be called after each evaluation of the depsgraph. Raises ExtractionError, or RenderCancelled when
+        ``test_break`` says so, and then holds no scene.
         """
-        from .extract.scene import extract_scene
 
+        def check() -> None:
+            if test_break():
+                raise RenderCancelled
+
+        from .extract.scene import SceneReader
+
+        start = time.perf_counter()
         self.settings = settings_from_scene(
             depsgraph.scene, samples=depsgraph.view_layer.samples, is_preview=self.is_preview
         )
-        key = _scene_key(depsgraph, resolution)
-        change = changes_in(depsgraph) if self.scene is not None and key == self._scene_key else Change.ALL
-        if change & ~Change.SETTINGS or self.scene is None:
-            start = time.perf_counter()
-            self.scene = None
-            self.scene = extract_scene(depsgraph, resolution=resolution, is_preview=self.is_preview)
-            self._scene_key = key
-            self._extraction_ms = 1e3 * (time.perf_counter() - start)
-        return change
+        self.scene = None
+        if self._reader is None:
+            self._reader = SceneReader(is_preview=self.is_preview)
+        self.scene = self._reader.read(depsgraph, resolution, check)
+        self._extraction_ms = 1e3 * (time.perf_counter() - start)
+
+    def forget(self) -> None:
+        """Lets go of the scene. To be called where an evaluation of the depsgraph is not read: its changes are lost."""
+        self.scene = self._reader = None
 
     def render(
         self,
@@ -130,8 +143,8 @@ class Session:
 
         ``wanted``: names of passes. ``border``: part of the frame that the picture shows (x0, y0, x1, y1 in 0..1,
         origin bottom left), where it is not what the scene says. ``after_sample(samples)`` may read the film. Returns
-        False when ``step`` cancelled. To be called through :func:`on_thread_of_context`, as :meth:`release`; leaves
-        the state of a GL context of Blender's as it was.
+        False when ``step`` cancelled. To be called on :attr:`thread`, as :meth:`release`; leaves the state of a GL
+        context of Blender's as it was.
         Raises GpuUnavailable, PipelineError, and RenderFailed when there is no scene.
         """
         if self.scene is None:
@@ -194,9 +207,12 @@ class Session:
         _release(pipeline, context)
 
     def __del__(self) -> None:
-        # No context may be current here, and this may be any thread: freeing has to wait for the next render.
-        if self._pipeline is not None:
-            _abandoned.append((self._pipeline, self._context))
+        # This may be any thread. Blender's context may not be current here: then freeing waits for the next render.
+        pipeline, context = self._pipeline, self._context
+        if pipeline is not None and not has_own_context():
+            _abandoned.append((pipeline, context))
+            pipeline = None
+        self.thread.end((lambda: _release(pipeline, context)) if pipeline is not None else None)
 
     def _ensure_pipeline(self) -> None:
         from ..gpu.context import GpuContext
@@ -233,18 +249,6 @@ def _release(pipeline: Any, context: Any) -> None:
         if pipeline is not None:
             pipeline.release()
         context.release()
-
-
-def _scene_key(depsgraph: Any, resolution: tuple[int, int]) -> tuple[Any, ...]:
-    """What a scene depends on and a depsgraph does not report as an update."""
-    scene, view_layer, render = depsgraph.scene, depsgraph.view_layer, depsgraph.scene.render
-    border = (render.border_min_x, render.border_min_y, render.border_max_x, render.border_max_y)
-    return (
-        scene.session_uid, view_layer.name, depsgraph.mode, resolution, scene.frame_current, scene.frame_subframe,
-        *(data and data.session_uid for data in (scene.camera, scene.world, view_layer.material_override)),
-        render.use_border, border, render.pixel_aspect_x, render.pixel_aspect_y,
-        render.film_transparent, render.filter_size,
-    )  # fmt: skip
 
 
 def pixel_border(

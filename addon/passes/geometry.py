@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -131,24 +132,28 @@ class GeometryPass:
         records = np.zeros(max(len(scene.instances), 1), interface.INSTANCE.dtype)
         slots: list[int] = []
         total = 0
-        grid_from_world = grid.grid_from_world
-        for index, instance in enumerate(scene.instances):
-            mesh = scene.meshes[instance.mesh]
-            record = records[index]
-            _fill_matrices(record, grid_from_world @ instance.world_from_object)
-            _fill_generated(record, mesh)
-            record["first_triangle"] = total
-            record["triangle_count"] = len(mesh.triangle_vertices)
-            record["first_mesh_triangle"] = mesh_triangle[instance.mesh]
-            record["first_slot"] = len(slots)
-            record["first_normal"] = mesh_normals[instance.mesh]
-            record["first_layer"] = mesh_layers[instance.mesh]
-            record["random"] = instance.random
-            record["object_index"] = instance.object_index
-            record["mirrored"] = np.linalg.det(instance.world_from_object[:3, :3]) < 0
-            flags = int(instance.visibility) | (interface.TRIANGLE_HOLDOUT if instance.is_holdout else 0)
-            slots += [material | flags << 24 for material in instance.materials]
-            total += len(mesh.triangle_vertices)
+        if scene.instances:
+            worlds = np.array([instance.world_from_object for instance in scene.instances])
+            owners = np.array([instance.mesh for instance in scene.instances])
+            counts = np.array([len(mesh.triangle_vertices) for mesh in scene.meshes], np.int64)[owners]
+            total = int(counts.sum())
+            lengths = np.array([len(instance.materials) for instance in scene.instances])
+            _fill_matrices(records, grid.grid_from_world @ worlds)
+            _fill_generated(records, scene.meshes, owners)
+            records["first_triangle"] = (np.cumsum(counts) - counts) & 0xFFFFFFFF  # too many are refused below
+            records["triangle_count"] = counts
+            records["first_slot"] = np.cumsum(lengths) - lengths
+            for name, firsts in (
+                ("first_mesh_triangle", mesh_triangle), ("first_normal", mesh_normals), ("first_layer", mesh_layers),
+            ):  # fmt: skip
+                of_mesh = [firsts.get(index, 0) for index in range(len(scene.meshes))]
+                records[name] = np.array(of_mesh, np.uint32)[owners]
+            records["random"] = [instance.random for instance in scene.instances]
+            records["object_index"] = [instance.object_index for instance in scene.instances]
+            records["mirrored"] = np.linalg.det(worlds[:, :3, :3]) < 0
+            for instance in scene.instances:
+                flags = int(instance.visibility) | (interface.TRIANGLE_HOLDOUT if instance.is_holdout else 0)
+                slots += [material | flags << 24 for material in instance.materials]
 
         words = attributes.array()
         texels = records.view(np.uint32).reshape(-1, 4)
@@ -237,24 +242,29 @@ def _seen_by_camera(instance: InstanceData) -> bool:
     return bool(instance.visibility & RayVisibility.CAMERA)
 
 
-def _fill_matrices(record: np.ndarray, grid_from_object: np.ndarray) -> None:
-    inverse = (
-        np.linalg.pinv(grid_from_object)
-        if abs(np.linalg.det(grid_from_object)) < 1e-300
-        else np.linalg.inv(grid_from_object)
-    )
+def _fill_matrices(records: np.ndarray, grid_from_object: np.ndarray) -> None:
+    """``grid_from_object``: (N, 4, 4). One without an inverse gets the closest thing to it."""
+    regular = np.abs(np.linalg.det(grid_from_object)) >= 1e-300
+    inverse = np.empty_like(grid_from_object)
+    inverse[regular] = np.linalg.inv(grid_from_object[regular])
+    inverse[~regular] = np.linalg.pinv(grid_from_object[~regular])
     for row, name in enumerate("xyz"):
-        record[f"grid_from_object_{name}"] = grid_from_object[row]
-        record[f"object_from_grid_{name}"] = inverse[row]
+        records[f"grid_from_object_{name}"] = grid_from_object[:, row]
+        records[f"object_from_grid_{name}"] = inverse[:, row]
 
 
-def _fill_generated(record: np.ndarray, mesh: MeshData) -> None:
-    if mesh.generated_bounds is not None:
-        lo, hi = np.asarray(mesh.generated_bounds, np.float64)
-    elif len(mesh.positions):
-        lo, hi = mesh.positions.min(axis=0).astype(np.float64), mesh.positions.max(axis=0).astype(np.float64)
-    else:
-        lo, hi = np.zeros(3), np.ones(3)
+def _fill_generated(records: np.ndarray, meshes: Sequence[MeshData], owners: np.ndarray) -> None:
+    """``owners``: (N,) index of each record's mesh."""
+    bounds = np.zeros((len(meshes), 2, 3))
+    for index in np.unique(owners):
+        mesh = meshes[index]
+        if mesh.generated_bounds is not None:
+            bounds[index] = mesh.generated_bounds
+        elif len(mesh.positions):
+            bounds[index] = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
+        else:
+            bounds[index] = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+    lo, hi = bounds[:, 0], bounds[:, 1]
     scale = 1.0 / np.where(hi > lo, hi - lo, 1.0)
-    record["generated_scale"] = scale
-    record["generated_offset"] = -lo * scale
+    records["generated_scale"] = scale[owners]
+    records["generated_offset"] = (-lo * scale)[owners]

@@ -154,7 +154,8 @@ class SurfacePass:
         """Fill ``pictures`` where ``seen`` says which triangle their rays meet first. Yields the share done."""
         if surfaces.geometry.triangle_count:
             with self.gpu.timed("surface"):
-                self._evaluate(surfaces, pictures, camera, offset, sample, settings.seed)
+                for _ in self._evaluate(surfaces, pictures, camera, offset, sample, settings.seed):
+                    yield 0.25
         yield 0.5
         if surfaces.materials.has_transparency and surfaces.geometry.triangle_count:
             yield from self._look_through(surfaces, pictures, camera, offset, sample, settings.seed)
@@ -206,8 +207,11 @@ class SurfacePass:
         sample: int,
         seed: int,
         behind: int = 0,
-    ) -> None:
-        """``behind``: how many partly transparent surfaces were looked through; the pixels that did are evaluated."""
+    ) -> Iterator[None]:
+        """Evaluate the materials of all pixels. Yields after each program that had to be compiled.
+
+        ``behind``: how many partly transparent surfaces were looked through; the pixels that did are evaluated.
+        """
         gpu, slot = self.gpu, interface.slot
         materials, material_pass = surfaces.materials, surfaces.material_pass
         assert self._bins is not None and self._pixels is not None
@@ -241,8 +245,11 @@ class SurfacePass:
             )
             if family.has_transparency:
                 kernel.set(last_layer=behind == MAX_LAYERS - 1)
+            was_cold = kernel.is_cold
             kernel.run_indirect(self._bins, 20 * index)
             material_pass.unbind(batch)
+            if was_cold:
+                yield
         gpu.barrier()  # lighting reads the pictures as textures
 
     def _bin(self, surfaces: Surfaces, pictures: SurfacePictures, *, pending: bool) -> None:
@@ -277,7 +284,8 @@ class SurfacePass:
             with self.gpu.timed("surface"):
                 if not self._advance(surfaces.voxels, pictures, camera, offset):
                     return
-                self._evaluate(surfaces, pictures, camera, offset, sample, seed, behind)
+                for _ in self._evaluate(surfaces, pictures, camera, offset, sample, seed, behind):
+                    yield 0.5
             yield 0.5 + 0.5 * behind / MAX_LAYERS
 
     def _advance(

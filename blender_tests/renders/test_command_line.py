@@ -150,6 +150,59 @@ def test_frames_have_numbers(lit_blend: pathlib.Path, tmp_path: pathlib.Path) ->
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["a_0003.png", "a_0004.png"]
 
 
+@pytest.fixture(scope="module")
+def moving_blend(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    """A lit cube; the camera moves until it is infinitely far away in frame 4."""
+    return make_blend(tmp_path_factory.mktemp("blend") / "moving.blend", """
+        bpy.ops.mesh.primitive_cube_add()
+        bpy.ops.object.light_add(type="SUN")
+        bpy.ops.object.camera_add(location=(0, 0, 5))
+        camera = bpy.context.scene.camera = bpy.context.object
+        for frame, x in ((1, 0.0), (3, 1.0)):
+            camera.location.x = x
+            camera.keyframe_insert("location", frame=frame)
+        bpy.ops.object.empty_add()
+        camera.parent = bpy.context.object
+        for frame, scale in ((3, 1.0), (4, 1e38)):
+            camera.parent.scale = (scale, scale, scale)
+            camera.parent.keyframe_insert("scale", frame=frame)
+    """)
+
+
+@needs_engine
+def test_frames_share_what_does_not_change(moving_blend: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    options = [moving_blend, *SMALL, "--voxels", "16"]
+    for frames in ("1-3", "2"):
+        succeed(*options, "--frames", frames, "-o", f"{frames}/a.exr", "--stats", f"{frames}.json", folder=tmp_path)
+    calls = [
+        {entry["name"]: entry["calls"] for entry in json.loads((tmp_path / name).read_text())["passes"]}
+        for name in ("1-3.json", "2.json")
+    ]
+    for name in ("materials", "geometry", "voxelize", "compile"):
+        assert calls[0][name] == calls[1][name], name
+    assert calls[0]["surface"] == 3 * calls[1]["surface"]
+    names = ["a_0001.exr", "a_0002.exr", "a_0003.exr"]
+    assert sorted(path.name for path in (tmp_path / "1-3").iterdir()) == names
+    assert np.array_equal(pixels(tmp_path / "1-3" / names[1]), pixels(tmp_path / "2" / names[1]))
+    assert not np.array_equal(pixels(tmp_path / "1-3" / names[0]), pixels(tmp_path / "1-3" / names[1]))
+
+
+@needs_engine
+def test_frames_end_with_the_first_that_fails(moving_blend: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    result = render(moving_blend, *SMALL, "--voxels", "16", "--frames", "3-5", "-o", "a.exr", folder=tmp_path)
+    assert result.returncode == 1 and "Traceback" not in result.stderr
+    assert [line.split(":")[0] for line in result.stderr.splitlines()] == ["wrote a_0003.exr", "render"]
+    assert "position or rotation is not a number" in result.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["a_0003.exr"]
+
+
+def test_a_frame_that_cannot_be_written_is_named(lit_blend: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    (tmp_path / "a_0004.png").mkdir()
+    result = render(lit_blend, *CYCLES, "--frames", "3-5", "-o", "a.png", folder=tmp_path)
+    assert result.returncode == 1 and "output 'a_0004.png' could not be written" in result.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a_0003.png", "a_0004.png"]
+
+
 def test_one_view_layer_with_all_its_passes(lit_blend: pathlib.Path, tmp_path: pathlib.Path) -> None:
     succeed(lit_blend, *CYCLES, "--view-layer", "Other", "--passes", folder=tmp_path)
     names = channels(tmp_path / "lit.exr")

@@ -53,6 +53,7 @@ class Script:
     raise_in_extract: Exception | None = None
     raise_in_sample: Exception | None = None
     raise_in_attach: Exception | None = None
+    readers: int = 0
     extractions: int = 0
     previews: int = 0
     samples: int = 0
@@ -131,16 +132,22 @@ class StandInPipeline:
         script.released += 1
 
 
-def extract_scene(depsgraph: Any, *, resolution: tuple[int, int], is_preview: bool = False) -> Any:
-    from addon.scene import CameraData, SceneData
+class StandInReader:
+    def __init__(self, *, is_preview: bool = False) -> None:
+        self.is_preview = is_preview
+        script.readers += 1
 
-    script.extractions += 1
-    script.previews += is_preview
-    script.resolutions.append(resolution)
-    if script.raise_in_extract:
-        raise script.raise_in_extract
-    camera = CameraData(np.eye(4), np.eye(4))
-    return SceneData((), (), (), (), None, camera, warnings=('light "Key" is odd',))
+    def read(self, depsgraph: Any, resolution: tuple[int, int], check: Any) -> Any:
+        from addon.scene import CameraData, SceneData
+
+        script.extractions += 1
+        script.previews += self.is_preview
+        script.resolutions.append(resolution)
+        check()
+        if script.raise_in_extract:
+            raise script.raise_in_extract
+        camera = CameraData(np.eye(4), np.eye(4))
+        return SceneData((), (), (), (), None, camera, warnings=('light "Key" is odd',))
 
 
 def stand_in() -> None:
@@ -148,7 +155,7 @@ def stand_in() -> None:
     modules = {
         "addon.gpu.context": {"GpuContext": StandInContext, "GpuUnavailable": GpuUnavailable},
         "addon.pipeline": {"Pipeline": StandInPipeline, "PipelineError": PipelineError},
-        "addon.host.extract.scene": {"extract_scene": extract_scene, "ExtractionError": ExtractionError},
+        "addon.host.extract.scene": {"SceneReader": StandInReader, "ExtractionError": ExtractionError},
     }
     for name, members in modules.items():
         module = types.ModuleType(name)
@@ -523,6 +530,16 @@ def case_cancel() -> None:
     assert steps == 6 and script.samples == 2, (steps, script.samples)  # two steps of preparation, two of each sample
     assert script.released == 1 and session.last_statistics == {}
 
+    synchronize = session.Session.synchronize
+    session.Session.synchronize = lambda self, *arguments: synchronize(self, *arguments[:2], lambda: True)
+    start()
+    try:
+        assert render() == "" and script.extractions == 1 and script.samples == 0
+    finally:
+        session.Session.synchronize = synchronize
+    assert session.last_error is None
+    assert render() == "" and script.samples == 3
+
     for is_pressed in (False, True):  # there is no Esc in background
         told: list[Any] = []
         engine = types.SimpleNamespace(
@@ -547,7 +564,7 @@ def case_view_layers() -> None:
 
 
 def case_persistent_data() -> None:
-    """The frames of an animation share one pipeline, and every frame is read anew."""
+    """With persistent data, the frames of an animation share one reader of the scene and one pipeline."""
     import bpy
 
     for is_persistent in (True, False):
@@ -559,47 +576,34 @@ def case_persistent_data() -> None:
             bpy.ops.render.render(animation=True)
             assert len(os.listdir(folder)) == 3
         assert script.extractions == 3 and script.samples == 9
-        assert script.pipelines == (1 if is_persistent else 3)
+        assert script.pipelines == script.readers == (1 if is_persistent else 3)
         before = script.released
         render()  # frees its own, or what the engine of the animation left behind
         assert script.released == before + 1
 
 
 def case_synchronize() -> None:
-    """The scene is read again when it changed, and only then."""
     import bpy
 
     from addon.host.session import Session
 
     scene = start()
-    thing = bpy.data.objects.new("Thing", bpy.data.meshes.new("Thing"))
-    scene.collection.objects.link(thing)
-    bpy.context.view_layer.update()
     session = Session()
-
-    def synchronize(_: Any, depsgraph: Any) -> None:
-        session.synchronize(depsgraph, (32, 16))
-
-    bpy.app.handlers.depsgraph_update_post.append(synchronize)
+    session.synchronize(bpy.context.evaluated_depsgraph_get(), (32, 16))
+    assert session.scene is not None and script.readers == 1
+    scene.conelight.bounces = 1
+    session.synchronize(bpy.context.evaluated_depsgraph_get(), (16, 16))
+    assert session.settings.bounces == 1 and script.resolutions == [(32, 16), (16, 16)] and script.readers == 1
+    session.forget()
+    assert session.scene is None
+    session.synchronize(bpy.context.evaluated_depsgraph_get(), (16, 16))
+    assert session.scene is not None and script.readers == 2, "what was skipped is not known to the old reader"
+    script.raise_in_extract = ExtractionError("a sentence")
     try:
-        synchronize(None, bpy.context.evaluated_depsgraph_get())
-        synchronize(None, bpy.context.evaluated_depsgraph_get())
-        assert script.extractions == 1, "nothing changed"
-        thing.location.x = 1
-        bpy.context.view_layer.update()
-        assert script.extractions == 2, "an object moved"
-        scene.conelight.bounces = 1
-        bpy.context.view_layer.update()
-        assert session.settings.bounces == 1
-        before = script.extractions
         session.synchronize(bpy.context.evaluated_depsgraph_get(), (16, 16))
-        assert script.extractions == before + 1, "another resolution"
-        script.raise_in_extract = ExtractionError("a sentence")
-        thing.location.x = 2
-        bpy.context.view_layer.update()
+        raise AssertionError("the error is the caller's")
+    except ExtractionError:
         assert session.scene is None, "no picture of what was there before"
-    finally:
-        bpy.app.handlers.depsgraph_update_post.remove(synchronize)
 
 
 def case_changes() -> None:
@@ -623,7 +627,7 @@ def case_changes() -> None:
     seen: list[Change] = []
 
     def note(_: Any, depsgraph: Any) -> None:
-        seen.append(changes_in(depsgraph))
+        seen.append(changes_in(depsgraph).kinds)
 
     def after(change: Any) -> Change:
         bpy.context.view_layer.update()

@@ -81,11 +81,11 @@ def test_render_region(camera: Any, extract: Extract) -> None:
 
 
 def test_without_a_camera(camera: Any) -> None:
-    from addon.host.extract.scene import ExtractionError, extract_scene
+    from addon.host.extract.scene import ExtractionError, SceneReader
 
     bpy.context.scene.camera = None
     with pytest.raises(ExtractionError, match=r"no camera.*add one"):
-        extract_scene(bpy.context.evaluated_depsgraph_get(), resolution=(8, 4))
+        SceneReader().read(bpy.context.evaluated_depsgraph_get(), (8, 4))
 
 
 def test_film(camera: Any, extract: Extract) -> None:

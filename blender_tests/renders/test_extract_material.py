@@ -68,10 +68,9 @@ def emit(material: Any, socket: Any) -> None:
 
 def compiled(material: Any) -> tuple[MaterialData, CompiledMaterials, list[str]]:
     warnings: list[str] = []
-    images = ImageReader([])
-    data = extract_material(material, images, warnings)
+    data = extract_material(material, ImageReader(), warnings)
     result = compile_materials([data])
-    return data, result, warnings + images.warnings + result.warnings
+    return data, result, warnings + result.warnings
 
 
 def emission_of(material: Any) -> tuple[float, ...]:
@@ -256,19 +255,19 @@ def save_png(folder: Path, name: str, color: tuple[float, float, float, float], 
 
 def test_byte_image_is_read_exactly(tmp_path: Path) -> None:
     image = bpy.data.images.load(str(save_png(tmp_path, "red", (1.0, 0.5, 0.0, 1.0))))
-    read = ImageReader([]).read(image).tiles[1001]
+    read = ImageReader().read(image, []).tiles[1001]
     assert read.pixels.dtype == np.uint8 and read.pixels.shape == (4, 4, 4)
     assert tuple(read.pixels[0, 0]) == (255, 128, 0, 255) or tuple(read.pixels[0, 0]) == (255, 188, 0, 255)
     assert read.encoding is ImageEncoding.SRGB
     assert read.alpha_mode is AlphaMode.NONE  # full everywhere
     image.colorspace_settings.name = "Non-Color"
-    assert ImageReader([]).read(image).tiles[1001].encoding is ImageEncoding.DATA
+    assert ImageReader().read(image, []).tiles[1001].encoding is ImageEncoding.DATA
 
 
 def test_rows_start_at_the_bottom_and_alpha_is_kept() -> None:
     image = bpy.data.images.new("rows", 2, 2, alpha=True)
     image.pixels.foreach_set(np.array([1, 0, 0, 0.5] * 2 + [0, 1, 0, 1] * 2, dtype=np.float32))
-    read = ImageReader([]).read(image).tiles[1001]
+    read = ImageReader().read(image, []).tiles[1001]
     assert tuple(read.pixels[0, 0]) == (255, 0, 0, 128) and tuple(read.pixels[1, 0]) == (0, 255, 0, 255)
     assert read.alpha_mode is AlphaMode.STRAIGHT
 
@@ -276,15 +275,15 @@ def test_rows_start_at_the_bottom_and_alpha_is_kept() -> None:
 def test_float_image_and_not_a_number() -> None:
     image = bpy.data.images.new("hdr", 2, 1, float_buffer=True)
     image.pixels.foreach_set(np.array([8.0, 0.5, np.nan, 1.0] * 2, dtype=np.float32))
-    read = ImageReader([]).read(image).tiles[1001]
+    read = ImageReader().read(image, []).tiles[1001]
     assert read.pixels.dtype == np.float32 and read.encoding is ImageEncoding.LINEAR
     assert tuple(read.pixels[0, 0]) == (8.0, 0.5, 0.0, 1.0)
 
 
 def test_one_image_of_many_materials_is_read_once() -> None:
     image = bpy.data.images.new("shared", 4, 4)
-    reader = ImageReader([])
-    assert reader.read(image) is reader.read(image)
+    reader = ImageReader()
+    assert reader.read(image, []) is reader.read(image, [])
 
 
 def test_missing_file_is_magenta_and_named() -> None:
@@ -311,7 +310,7 @@ def test_packed_image_without_its_file(tmp_path: Path) -> None:
     image = bpy.data.images.load(str(path))
     image.pack()
     path.unlink()
-    assert tuple(ImageReader([]).read(image).tiles[1001].pixels[0, 0]) == (0, 0, 255, 255)
+    assert tuple(ImageReader().read(image, []).tiles[1001].pixels[0, 0]) == (0, 0, 255, 255)
 
 
 @pytest.mark.parametrize("is_packed", [False, True])
@@ -328,12 +327,12 @@ def test_udim_tiles(tmp_path: Path, is_packed: bool) -> None:
         image.pack()
         for path in paths:
             path.unlink()
-    reader = ImageReader([])
-    read = reader.read(image)
+    warnings: list[str] = []
+    read = ImageReader().read(image, warnings)
     assert read.is_udim and sorted(read.tiles) == [1001, 1002]
     assert tuple(read.tiles[1001].pixels[0, 0]) == (255, 0, 0, 255)
     assert tuple(read.tiles[1002].pixels[0, 0]) == (0, 255, 0, 255)
-    assert is_packed or any("1013" in w for w in reader.warnings)
+    assert is_packed or any("1013" in w for w in warnings)
     assert len(bpy.data.images) == count  # nothing is left behind
     material = new_material()
     emit(material, add(material, "ShaderNodeTexImage", image=image).outputs["Color"])
@@ -361,7 +360,7 @@ def world_with(idname: str) -> tuple[Any, Any]:
 
 def compiled_world(world: Any) -> CompiledWorld:
     warnings: list[str] = []
-    data = extract_world(world, ImageReader([]), warnings)
+    data = extract_world(world, ImageReader(), warnings)
     assert not warnings
     result = compile_world(data)
     if result.source is not None:
@@ -373,7 +372,7 @@ def test_constant_world() -> None:
     world, node = world_with("ShaderNodeRGB")
     node.outputs[0].default_value = (0.1, 0.2, 0.3, 1.0)
     assert compiled_world(world).radiance == pytest.approx((0.2, 0.4, 0.6))
-    assert extract_world(None, ImageReader([]), []) is None
+    assert extract_world(None, ImageReader(), []) is None
 
 
 def test_environment_texture_and_sky() -> None:

@@ -63,7 +63,7 @@ def agree(scene: Any, idname: str, inputs: dict[Any, Any], **properties: Any) ->
     picture.pixels.foreach_get(pixels)
     bpy.data.images.remove(picture)
     assert Path(scene.render.filepath).exists()
-    ours = compile_materials([extract_material(material, ImageReader([]), [])]).materials[0].parameters[0, :3]
+    ours = compile_materials([extract_material(material, ImageReader(), [])]).materials[0].parameters[0, :3]
     np.testing.assert_allclose(ours - OFFSET, pixels[20:23] - OFFSET, rtol=1e-3, atol=1e-3)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The furnace: a closed box, seen from inside, whose walls emit 1 - r and reflect r. Its radiance is 1 everywhere."""
+"""The furnace: closed, seen from inside, with walls that emit 1 - r and reflect r. Its radiance is 1 everywhere."""
 
 from __future__ import annotations
 
@@ -8,10 +8,17 @@ from typing import Any
 from . import build
 
 
-def scene(albedo: float, size: float = 2.0) -> Any:
+def scene(albedo: float, size: float = 2.0, *, shape: str = "box", centre: build.Point = (0.0, 0.0, 0.0)) -> Any:
+    """``shape``: ``box`` or ``sphere``, ``size`` metres across, around ``centre``."""
     result = build.empty_scene()
     wall = build.diffuse_and_emission("Wall", albedo, 1.0 - albedo)
-    build.add_box("Furnace", (size, size, size), (0, 0, 0), material=wall, inward=True)
-    build.add_camera((-0.3 * size, -0.35 * size, -0.1 * size), (0.5 * size, 0.5 * size, 0.1 * size), lens=18.0)
+    if shape == "box":
+        build.add_box("Furnace", (size, size, size), centre, material=wall, inward=True)
+    else:
+        build.add_sphere("Furnace", size / 2, centre, wall, segments=64).data.flip_normals()
+    x, y, z = centre
+    build.add_camera(
+        (x - 0.2 * size, y - 0.25 * size, z - 0.1 * size), (x + 0.5 * size, y + 0.5 * size, z + 0.1 * size), lens=18.0
+    ).data.clip_start = 1e-3 * size
     result.render.resolution_x = result.render.resolution_y = 32
     return result

@@ -85,13 +85,18 @@ def cycles(size: tuple[int, int] | None = None, *, samples: int, bounces: int = 
 def save(path: str | os.PathLike[str], *, file_format: str = "OPEN_EXR", color_depth: str = "32") -> None:
     """Writes the last picture, as Blender's own Save Image does."""
     scene = bpy.context.scene
-    image = scene.render.image_settings
+    choose_format(file_format, color_depth)
+    bpy.data.images["Render Result"].save_render(str(path), scene=scene)
+
+
+def choose_format(file_format: str = "OPEN_EXR", color_depth: str = "32") -> None:
+    """What the scene's pictures are written as, with alpha."""
+    image = bpy.context.scene.render.image_settings
     if hasattr(image, "media_type"):  # Blender 5.0 and later sort the formats by kind
         image.media_type = "IMAGE"
     image.file_format = file_format
     image.color_mode = "RGBA"
     image.color_depth = color_depth
-    bpy.data.images["Render Result"].save_render(str(path), scene=scene)
 
 
 def _render(scene: Any, size: tuple[int, int] | None) -> Picture:

@@ -49,7 +49,7 @@ class Arguments(NamedTuple):
     list_settings: bool
 
 
-def _resolution(text: str) -> tuple[int, int]:
+def resolution(text: str) -> tuple[int, int]:
     match = re.match(r"^(\d+)[xX](\d+)$", text)
     if match is None or not all(4 <= int(side) <= 65536 for side in match.groups()):
         raise argparse.ArgumentTypeError(f"'{text}' is not WIDTHxHEIGHT in pixels (from 4 to 65536), such as 640x360")
@@ -106,7 +106,7 @@ def parser() -> argparse.ArgumentParser:
         help="cycles and eevee are for comparison (default: %(default)s)")
     add("--preset", choices=PRESET_NAMES,
         help="starting point of all settings (default: balanced, with what a .blend stores)")
-    add("--resolution", metavar="WxH", type=_resolution, help="size in pixels (default: the scene's)")
+    add("--resolution", metavar="WxH", type=resolution, help="size in pixels (default: the scene's)")
     add("--samples", metavar="N", type=_count, help="passes averaged into the picture")
     add("--voxels", metavar="N", type=_count, help="voxels along the longest side (default: automatic)")
     add("--camera", metavar="NAME", help="camera object (default: the scene's; everything is framed if it has none)")

@@ -25,8 +25,8 @@ BOUNCES = 16  # of Cycles, for comparison: far more than what can be seen
 class Engine(Protocol):
     """What the command line asks of an engine."""
 
-    def prepare(self, scene: Any) -> list[str]:
-        """Sets the scene up for this engine; returns sentences for the user."""
+    def prepare(self, scene: Any, is_animation: bool) -> list[str]:
+        """Sets the scene up for this engine, to render one picture or several; returns sentences for the user."""
 
     def progress_to(self, listener: Listener) -> contextlib.AbstractContextManager[None]:
         """While the block runs, the listener hears of progress."""
@@ -76,8 +76,9 @@ class Conelight:
         except ImportError as error:
             raise CommandError(f"the engine could not be loaded: {error}") from error
 
-    def prepare(self, scene: Any) -> list[str]:
+    def prepare(self, scene: Any, is_animation: bool) -> list[str]:
         scene.render.engine = "CONELIGHT"
+        scene.render.use_persistent_data = is_animation
         stored = {
             name: getattr(scene.conelight, name)
             for name in Settings.declarations() if scene.conelight.is_property_set(name)
@@ -100,9 +101,10 @@ class Conelight:
     def frame_statistics(self, cpu_ms: float) -> dict[str, Any]:
         if self._session.last_error:
             raise CommandError(self._session.last_error)
-        if not self._session.last_statistics:
+        statistics, self._session.last_statistics = self._session.last_statistics, {}
+        if not statistics:
             raise CommandError(f"the engine ended without a picture; {VERBOSE_VARIABLE}=1 shows what it printed")
-        return dict(self._session.last_statistics)
+        return statistics
 
 
 class BlenderEngine:
@@ -112,7 +114,7 @@ class BlenderEngine:
         self._choices = choices
         self._settings = choices.settings()
 
-    def prepare(self, scene: Any) -> list[str]:
+    def prepare(self, scene: Any, is_animation: bool) -> list[str]:
         raise NotImplementedError
 
     def _ignored(self, engine: str, used: set[str]) -> list[str]:
@@ -142,7 +144,7 @@ class BlenderEngine:
 class Cycles(BlenderEngine):
     """The reference: on the CPU, plain path tracing without anything that changes the answer."""
 
-    def prepare(self, scene: Any) -> list[str]:
+    def prepare(self, scene: Any, is_animation: bool) -> list[str]:
         scene.render.engine = "CYCLES"
         values = {
             "device": "CPU", "samples": self._settings.samples, "seed": self._settings.seed,
@@ -166,7 +168,7 @@ class Cycles(BlenderEngine):
 class Eevee(BlenderEngine):
     """Blender's rasterizing engine, with its screen-space ray tracing."""
 
-    def prepare(self, scene: Any) -> list[str]:
+    def prepare(self, scene: Any, is_animation: bool) -> list[str]:
         scene.render.engine = "BLENDER_EEVEE_NEXT" if bpy.app.version < (5, 0, 0) else "BLENDER_EEVEE"
         scene.eevee.taa_render_samples = self._settings.samples
         scene.eevee.use_raytracing = True

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import glob
 import os
 import sys
 import time
 import traceback
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from . import process
@@ -32,8 +34,7 @@ def main(arguments: Arguments) -> NoReturn:
             render(arguments)
         status = 0
     except CommandError as error:
-        say(f"render: {error}")
-        status = error.status
+        fail(error)
     except Exception as error:  # a defect here or in the engine: still a sentence and not a traceback
         say(f"render: '{arguments.scene}' could not be rendered: {reason(error)} ({type(error).__name__}); "
             f"{VERBOSE_VARIABLE}=1 shows where")
@@ -41,6 +42,12 @@ def main(arguments: Arguments) -> NoReturn:
             traceback.print_exc()
         status = FAILED
     process.leave(status)
+
+
+def fail(error: CommandError) -> NoReturn:
+    """Says what went wrong and ends the process."""
+    say(f"render: {error}")
+    process.leave(error.status)
 
 
 def render(arguments: Arguments) -> None:
@@ -59,16 +66,22 @@ def render(arguments: Arguments) -> None:
         first_frame_ms = 0.0
         first, last = arguments.frames or (scene.frame_current, scene.frame_current)
         progress = Progress(last - first + 1)
-        for frame in range(first, last + 1):
-            path = frame_path(arguments.output, frame) if arguments.frames else arguments.output
-            if arguments.frames:
-                scene.frame_set(frame)
-            frames.append(render_frame(scene, engine, path, progress))
+
+        def written(path: str, statistics: dict[str, Any]) -> None:
+            nonlocal first_frame_ms
+            progress.end_frame()
+            say(f"wrote {path}")
+            frames.append(statistics)
             first_frame_ms = first_frame_ms or (time.perf_counter() - started) * 1000.0
-            for text in frames[-1].get("warnings", ()):
+            for text in statistics.get("warnings", ()):
                 if text not in warnings:
                     warnings.append(text)
                     say(text)
+
+        if arguments.frames:
+            render_animation(scene, engine, arguments.output, arguments.frames, progress, written)
+        else:
+            written(arguments.output, render_still(scene, engine, arguments.output, progress))
         progress.close()
         if arguments.stats:
             write_statistics(arguments, scene, frames, started, first_frame_ms, warnings)
@@ -105,7 +118,7 @@ def prepare(arguments: Arguments, choices: Choices) -> tuple[Any, Engine, list[s
         scene.render.resolution_percentage = 100
     scene.render.use_sequencer = False
     choose_view_layer(scene, arguments)
-    messages += engine.prepare(scene)
+    messages += engine.prepare(scene, is_animation=bool(arguments.frames))
     messages += choose_camera(scene, arguments, framing)
     if not lighting.has_light(scene):
         lighting.add_neutral_world(scene)
@@ -153,7 +166,7 @@ def choose_camera(scene: Any, arguments: Arguments, framing: Any) -> list[str]:
     return [f"'{arguments.scene}' has no camera: {where} is used"]
 
 
-def render_frame(scene: Any, engine: Engine, path: str, progress: Progress) -> dict[str, Any]:
+def render_still(scene: Any, engine: Engine, path: str, progress: Progress) -> dict[str, Any]:
     """Renders the current frame into a file and returns the engine's statistics. Raises CommandError."""
     import bpy
 
@@ -161,12 +174,7 @@ def render_frame(scene: Any, engine: Engine, path: str, progress: Progress) -> d
     from .output import replacing
 
     before = cpu_milliseconds()
-    try:
-        with engine.progress_to(progress.update):
-            bpy.ops.render.render(scene=scene.name)
-    except RuntimeError as error:
-        engine.frame_statistics(0.0)  # raises what the engine itself says about it
-        raise CommandError(f"frame {scene.frame_current} could not be rendered: {reason(error)}") from error
+    call_blender(scene, engine, progress, lambda: scene.frame_current)
     # Blender may only be asked to write what is there: it crashes when an engine failed before it began a result.
     statistics = engine.frame_statistics(cpu_milliseconds() - before)
     with replacing(path, "output") as temporary:
@@ -176,9 +184,67 @@ def render_frame(scene: Any, engine: Engine, path: str, progress: Progress) -> d
             raise CommandError(f"output '{path}' could not be written: {reason(error)}") from error
         if not os.path.exists(temporary):
             raise CommandError(f"output '{path}' was not written; {VERBOSE_VARIABLE}=1 shows what Blender printed")
-    progress.end_frame()
-    say(f"wrote {path}")
     return statistics
+
+
+def render_animation(
+    scene: Any, engine: Engine, output: str, frames: tuple[int, int], progress: Progress,
+    written: Callable[[str, dict[str, Any]], None],
+) -> None:
+    """Renders frames from the first to the last into files, in one go: engines may keep what does not change.
+
+    ``written`` hears of each file and of the engine's statistics. Raises CommandError.
+    """
+    import bpy
+
+    from .engines import cpu_milliseconds
+    from .output import replacing
+
+    scene.frame_start, scene.frame_end = frames
+    scene.frame_step = 1
+    scene.render.use_overwrite, scene.render.use_placeholder = True, False
+    folder, extension = os.path.dirname(os.path.abspath(output)), os.path.splitext(output)[1]
+    scene.render.filepath = os.path.join(folder, f".{os.getpid()}.#######.part{extension}")
+    process.at_end(lambda: remove_files(f"{glob.escape(folder)}/.{os.getpid()}.*.part{extension}"))  # of a broken frame
+    frame, before = frames[0], cpu_milliseconds()
+
+    def frame_written(*_: Any) -> None:
+        nonlocal frame, before
+        path = frame_path(output, frame)
+        try:
+            statistics = engine.frame_statistics(cpu_milliseconds() - before)
+            with replacing(path, "output") as temporary:
+                os.replace(scene.render.frame_path(frame=frame), temporary)
+        except CommandError as error:
+            fail(error)  # Blender would go on with the next frame
+        written(path, statistics)
+        frame, before = frame + 1, cpu_milliseconds()
+
+    bpy.app.handlers.render_write.append(frame_written)
+    try:
+        call_blender(scene, engine, progress, lambda: frame, animation=True)
+    finally:
+        bpy.app.handlers.render_write.remove(frame_written)
+    if frame <= frames[1]:
+        engine.frame_statistics(0.0)
+        raise CommandError(f"frame {frame} was not rendered; {VERBOSE_VARIABLE}=1 shows what Blender printed")
+
+
+def remove_files(pattern: str) -> None:
+    for path in glob.glob(pattern):
+        os.remove(path)
+
+
+def call_blender(scene: Any, engine: Engine, progress: Progress, frame: Callable[[], int], **options: Any) -> None:
+    """Runs Blender's render operator. ``frame``: the one that is being rendered. Raises CommandError."""
+    import bpy
+
+    try:
+        with engine.progress_to(progress.update):
+            bpy.ops.render.render(scene=scene.name, **options)
+    except RuntimeError as error:
+        engine.frame_statistics(0.0)  # raises what the engine itself says about it
+        raise CommandError(f"frame {frame()} could not be rendered: {reason(error)}") from error
 
 
 def write_statistics(

@@ -4,12 +4,17 @@
 from __future__ import annotations
 
 import os
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
 import numpy as np
 
 from ...materials.graph import AlphaMode, ImageData, ImageEncoding, ImageSet
+from .keep import kept
+
+#: Sources of images that are one picture for each frame.
+_FRAMES = ("SEQUENCE", "MOVIE")
 
 #: Colour spaces of byte images by Blender's names.
 _ENCODINGS = {
@@ -33,27 +38,58 @@ _ALPHA_MODES = {
 }
 
 
+@dataclass(frozen=True)
+class _Entry:
+    images: ImageSet
+    state: tuple[Any, ...]
+    warnings: list[str]
+    is_current: bool = True
+
+
 class ImageReader:
-    """Reads images once each, and adds what the user should know to ``warnings``. Lives for one extraction."""
+    """Reads images once each, and again when they may have changed."""
 
-    def __init__(self, warnings: list[str]) -> None:
-        self.warnings = warnings
-        self._sets: dict[int, ImageSet] = {}
+    def __init__(self) -> None:
+        self._entries: dict[int, _Entry] = {}
+        self._warnings: list[str] = []  # about the image that is being read
 
-    def read(self, image: bpy.types.Image) -> ImageSet:
-        """All tiles of an image. Never raises: what cannot be read has no tiles and says why in ``problem``."""
+    def refresh(self, changed: frozenset[int] | None) -> bool:
+        """To be called before each reading of a scene. Returns whether any image has to be read again.
+
+        ``changed``: session_uids of the images that are known to have changed; None: nothing is known.
+        """
+        there = {image.session_uid: image for image in bpy.data.images}
+        # One that was to be read again and was not is not in use any more.
+        self._entries = {uid: entry for uid, entry in self._entries.items() if uid in there and entry.is_current}
+        for uid, entry in self._entries.items():
+            image = there[uid]
+            if changed is None or uid in changed or _may_change_unseen(image) or entry.state != _state(image):
+                self._entries[uid] = replace(entry, is_current=False)
+        return not all(entry.is_current for entry in self._entries.values())
+
+    def read(self, image: bpy.types.Image, warnings: list[str]) -> ImageSet:
+        """All tiles of an image. Never raises: what cannot be read has no tiles and says why in ``problem``.
+
+        The same object as before where nothing is different. Adds to ``warnings`` what the user should know.
+        """
         key = image.session_uid
-        if key not in self._sets:
+        entry = self._entries.get(key)
+        if entry is None or not entry.is_current:
+            self._warnings = []
             try:
-                self._sets[key] = self._read(image)
+                images = self._read(image)
             except Exception as error:
                 problem = f"could not read image '{image.name}' ({type(error).__name__}: {error}); it is magenta"
-                self._sets[key] = ImageSet(image.name, {}, problem=problem)
-        return self._sets[key]
+                images = ImageSet(image.name, {}, problem=problem)
+            entry = _Entry(kept(images, entry.images if entry else None), _state(image), self._warnings)
+            self._entries[key] = entry
+        warnings += entry.warnings
+        return entry.images
 
     def _read(self, image: bpy.types.Image) -> ImageSet:
-        if image.source in ("SEQUENCE", "MOVIE"):
-            self.warnings.append(f"image '{image.name}' is a {image.source.lower()}; the frame that is loaded is shown")
+        if image.source in _FRAMES:
+            kind = image.source.lower()
+            self._warnings.append(f"image '{image.name}' is a {kind}; the frame that is loaded is shown")
         encoding = self._encoding(image)
         if image.source == "TILED":
             return self._read_tiles(image, encoding)
@@ -67,7 +103,7 @@ class ImageReader:
         if image.is_float:  # Blender has converted to scene linear when it loaded the file
             return ImageEncoding.DATA if _ENCODINGS.get(name) is ImageEncoding.DATA else ImageEncoding.LINEAR
         if name not in _ENCODINGS:
-            self.warnings.append(f"image '{image.name}': colour space '{name}' is not supported; it is read as sRGB")
+            self._warnings.append(f"image '{image.name}': colour space '{name}' is not supported; it is read as sRGB")
         return _ENCODINGS.get(name, ImageEncoding.SRGB)
 
     def _read_tiles(self, image: bpy.types.Image, encoding: ImageEncoding) -> ImageSet:
@@ -83,8 +119,26 @@ class ImageReader:
                 tiles[number] = data
         if lost and tiles:
             what = f"tiles {', '.join(lost)} could not be read from '{_path(image)}'; they are magenta"
-            self.warnings.append(f"image '{image.name}': {what}")
+            self._warnings.append(f"image '{image.name}': {what}")
         return ImageSet(image.name, tiles, True, None if tiles else _missing(image))
+
+
+def _may_change_unseen(image: bpy.types.Image) -> bool:
+    """Whether an image may show something else without any sign of it: another frame, or pixels that a script sets."""
+    return image.source in _FRAMES or bool(image.is_dirty)
+
+
+def _state(image: bpy.types.Image) -> tuple[Any, ...]:
+    """What an image that nobody reports as changed looks like from outside."""
+    path = _path(image)
+    try:
+        written = os.stat(path).st_mtime_ns
+    except (OSError, ValueError):
+        written = 0
+    return (
+        image.name, image.source, path, written, len(image.packed_files), tuple(tile.number for tile in image.tiles),
+        tuple(image.size), image.channels, image.is_float, image.alpha_mode, image.colorspace_settings.name,
+    )  # fmt: skip
 
 
 def _path(image: bpy.types.Image) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
@@ -18,8 +18,9 @@ import numpy as np
 
 from ...materials.graph import MaterialData
 from ...scene import DoubleArray, InstanceData, LightData, MeshData, RayVisibility
+from .keep import kept, says_the_same
 from .light import extract_light
-from .mesh import FARTHEST, extract_mesh
+from .mesh import FARTHEST, ExtractedMesh, extract_mesh
 
 _UNSUPPORTED = {
     "CURVES": "hair curves are",
@@ -28,6 +29,9 @@ _UNSUPPORTED = {
     "GREASEPENCIL": "grease pencil strokes are",
     "GPENCIL": "grease pencil strokes are",
 }
+#: Instances between two looks at whether to go on.
+_CHECK_INTERVAL = 1024
+
 #: An instance whose axes span less than this fraction of their box is flat: it has no inverse.
 _FLAT = 1e-12
 _FLATTENED = "its scale is 0 along an axis"
@@ -35,64 +39,121 @@ _NOT_FINITE = "its position, rotation or scale is not a usable number"
 
 
 class MaterialTable:
-    """The materials in use, each converted once, in the order of first use."""
+    """The materials in use, each converted once, in the order of first use.
 
-    def __init__(self, convert: Callable[[bpy.types.Material], MaterialData]) -> None:
+    ``convert`` gets a material and the list for its warnings.
+    """
+
+    def __init__(self, convert: Callable[[bpy.types.Material, list[str]], MaterialData]) -> None:
         self._convert = convert
+        self._read: dict[int, tuple[MaterialData, list[str]]] = {}
+        self._before: dict[int, tuple[MaterialData, list[str]]] = {}
+        self._is_current = False
+        self._check: Callable[[], None] = lambda: None
         self._indices: dict[int, int] = {}
         self.materials: list[MaterialData] = []
+        self.warnings: list[str] = []
+
+    def begin(self, is_current: bool, check: Callable[[], None]) -> None:
+        """Begins anew. ``is_current``: the materials that were read are still as they were.
+
+        ``check`` is called before each that is read, and may raise.
+        """
+        self._check = check
+        self._before, self._read = self._read, {}
+        self._is_current = is_current
+        self._indices, self.materials, self.warnings = {}, [], []
 
     def index_of(self, material: bpy.types.Material | None) -> int:
         """Index of a material; None gives the grey of Blender's empty slots."""
         key = material.original.session_uid if material is not None else 0  # evaluated copies have 0
         if key not in self._indices:
             self._indices[key] = len(self.materials)
-            default = MaterialData("Default", graph=None)
-            self.materials.append(self._convert(material) if material is not None else default)
+            before = self._before.get(key)
+            if before is None or not self._is_current:
+                self._check()
+                warnings: list[str] = []
+                default = MaterialData("Default", graph=None)
+                data = self._convert(material, warnings) if material is not None else default
+                self._read[key] = (kept(data, before and before[0]), warnings)
+            else:
+                self._read[key] = before
+            self.materials.append(self._read[key][0])
+            self.warnings += self._read[key][1]
         return self._indices[key]
 
 
-class MeshTable:
-    """The meshes in use, each read once.
+@dataclass(frozen=True)
+class _Mesh:
+    """What was read of one evaluated mesh, and the session_uids of the object that had it and of that one's data."""
 
-    They are told apart by their address, which is theirs for as long as the depsgraph is not evaluated again, and by
-    the number of material slots, because slot numbers beyond it are clamped.
+    extracted: ExtractedMesh
+    used_slots: tuple[int, ...]
+    owners: frozenset[int]
+
+
+class MeshTable:
+    """The meshes in use, each read once, and not again where it is known not to have changed.
+
+    They are told apart by their address, which is theirs for as long as nothing is evaluated again, and by the number
+    of material slots, because slot numbers beyond it are clamped.
     """
 
     def __init__(self) -> None:
-        self._entries: dict[tuple[int, int], tuple[int | None, tuple[int, ...]]] = {}
+        self._read: dict[tuple[int, int], _Mesh] = {}
+        self._before: dict[tuple[int, int], _Mesh] = {}
+        self._before_by_name: dict[str, list[MeshData]] = {}
+        self._changed: frozenset[int] | None = None
+        self._indices: dict[tuple[int, int], int | None] = {}
         self.meshes: list[MeshData] = []
+
+    def begin(self, changed: frozenset[int] | None) -> None:
+        """Begins anew.
+
+        ``changed``: session_uids of the objects and data whose geometry was evaluated since, by the same depsgraph;
+        None: nothing is known, and all meshes are read.
+        """
+        self._before, self._read, self._changed = self._read, {}, changed
+        self._before_by_name = {}
+        for mesh in self.meshes:
+            self._before_by_name.setdefault(mesh.name, []).append(mesh)
+        self._indices, self.meshes = {}, []
 
     def add(self, obj: bpy.types.Object, slot_count: int, warnings: list[str]) -> tuple[int | None, tuple[int, ...]]:
         """Index of the object's mesh (None: it has no triangles), and the slots that its triangles use."""
         key = (obj.data.as_pointer(), slot_count)
-        if key not in self._entries:
-            if obj.data.is_editmode:  # its data is still with the editor: only a copy has attributes
-                extracted = extract_mesh(obj.to_mesh(), slot_count)
-                obj.to_mesh_clear()
-            else:
-                extracted = extract_mesh(obj.data, slot_count)
-            if extracted.bad_triangles:
+        if key not in self._read:
+            owners = frozenset((obj.original.session_uid, obj.original.data.session_uid))
+            found = self._before.get(key)
+            if found is None or found.owners != owners or self._changed is None or self._changed & owners:
+                found = self._extract(obj, slot_count, owners)
+            self._read[key] = found
+            if found.extracted.bad_triangles:
                 warnings.append(
                     f'object "{obj.name}": triangles left out because a vertex is not finite or beyond '
-                    f"{FARTHEST:g} m: {extracted.bad_triangles}"
+                    f"{FARTHEST:g} m: {found.extracted.bad_triangles}"
                 )
-            if extracted.data is None:
-                self._entries[key] = (None, ())
-            else:
-                used = np.flatnonzero(np.bincount(extracted.data.triangle_slots))
-                self._entries[key] = (len(self.meshes), tuple(used.tolist()))
-                self.meshes.append(extracted.data)
-        return self._entries[key]
+            self._indices[key] = len(self.meshes) if found.extracted.data is not None else None
+            if found.extracted.data is not None:
+                self.meshes.append(found.extracted.data)
+        return self._indices[key], self._read[key].used_slots
 
+    def _extract(self, obj: bpy.types.Object, slot_count: int, owners: frozenset[int]) -> _Mesh:
+        if obj.data.is_editmode:  # its data is still with the editor: only a copy has attributes
+            extracted = extract_mesh(obj.to_mesh(), slot_count)
+            obj.to_mesh_clear()
+        else:
+            extracted = extract_mesh(obj.data, slot_count)
+        data = extracted.data
+        if data is None:
+            return _Mesh(extracted, (), owners)
+        used = np.flatnonzero(np.bincount(data.triangle_slots))
+        same = next((mesh for mesh in self._before_by_name.get(data.name, ()) if says_the_same(data, mesh)), data)
+        return _Mesh(replace(extracted, data=same), tuple(used.tolist()), owners)
 
-@dataclass(frozen=True)
-class Placements:
-    """What :func:`extract_placements` collects."""
-
-    meshes: list[MeshData]
-    instances: list[InstanceData]
-    lights: list[LightData]
+    def end(self) -> None:
+        """Lets go of what is not in use any more."""
+        self._before, self._before_by_name = {}, {}
 
 
 @dataclass(frozen=True)
@@ -113,22 +174,72 @@ class _Flags:
     is_holdout: bool
 
 
-def extract_placements(depsgraph: bpy.types.Depsgraph, materials: MaterialTable, warnings: list[str]) -> Placements:
-    """All meshes, instances and lights that the depsgraph shows in its mode (render or viewport)."""
-    view_layer = depsgraph.view_layer_eval
-    meshes = MeshTable()
-    instances: list[InstanceData] = []
-    lights: list[LightData] = []
-    # Evaluated copies have no session_uid and instances have no address that lasts: originals tell objects apart.
-    parts: dict[tuple[int, int], _Part] = {}
-    flags: dict[tuple[int, bool], _Flags] = {}
-    skipped: Counter[tuple[str, str]] = Counter()
+class _FlagTable:
+    """Who sees objects, each object looked at once."""
 
-    def flags_of(obj: bpy.types.Object, is_placed: bool) -> _Flags:
+    def __init__(self, depsgraph: bpy.types.Depsgraph) -> None:
+        self._view_layer = depsgraph.view_layer_eval
+        # Evaluated copies have no session_uid and instances have no address that lasts: originals tell objects apart.
+        self._flags: dict[tuple[int, bool], _Flags] = {}
+
+    def of_item(self, obj: bpy.types.Object, parent: bpy.types.Object | None) -> _Flags:
+        """Of an object, or of an instance of it that ``parent`` makes.
+
+        An instance is seen by the rays that see both it and its instancer, and held out with either; what counts in
+        the view layer are the collections of the instancer. All as in Cycles.
+        """
+        own = self._of(obj, is_placed=parent is None)
+        if parent is None:
+            return own
+        instancer = self._of(parent, is_placed=True)
+        return _Flags(own.visibility & instancer.visibility, own.is_holdout or instancer.is_holdout)
+
+    def _of(self, obj: bpy.types.Object, is_placed: bool) -> _Flags:
         key = (obj.original.session_uid, is_placed)
-        if key not in flags:
-            flags[key] = _flags(obj, view_layer if is_placed else None)
-        return flags[key]
+        if key not in self._flags:
+            self._flags[key] = _flags(obj, self._view_layer if is_placed else None)
+        return self._flags[key]
+
+
+def extract_lights(depsgraph: bpy.types.Depsgraph, warnings: list[str]) -> list[LightData]:
+    """All lights that the depsgraph shows in its mode (render or viewport)."""
+    flags = _FlagTable(depsgraph)
+    lights: list[LightData] = []
+    skipped: Counter[tuple[str, str]] = Counter()
+    for item in depsgraph.object_instances:
+        obj = item.object
+        if obj.type != "LIGHT" or not item.show_self:
+            continue
+        visibility = flags.of_item(obj, item.parent if item.is_instance else None).visibility
+        if not visibility:
+            continue
+        matrix = np.array(item.matrix_world, np.float64)
+        if not _is_usable(matrix):
+            skipped[obj.name, _NOT_FINITE] += 1
+            continue
+        light = extract_light(obj, matrix, visibility, warnings)
+        if light is not None:
+            lights.append(light)
+    _warn_skipped(skipped, warnings)
+    return lights
+
+
+def extract_instances(
+    depsgraph: bpy.types.Depsgraph,
+    materials: MaterialTable,
+    meshes: MeshTable,
+    warnings: list[str],
+    check: Callable[[], None],
+) -> list[InstanceData]:
+    """All placements of meshes that the depsgraph shows in its mode (render or viewport); fills both tables.
+
+    ``check`` is called now and then, and may raise.
+    """
+    override = depsgraph.view_layer_eval.material_override
+    flags = _FlagTable(depsgraph)
+    instances: list[InstanceData] = []
+    parts: dict[tuple[int, int], _Part] = {}
+    skipped: Counter[tuple[str, str]] = Counter()
 
     # Matrices and flags of all items at once: one call costs less than a hundred items one by one.
     items = depsgraph.object_instances
@@ -140,33 +251,24 @@ def extract_placements(depsgraph: bpy.types.Depsgraph, materials: MaterialTable,
     items.foreach_get("random_id", random_ids)
 
     for i, item in enumerate(items):
+        if i % _CHECK_INTERVAL == 0:
+            check()
         if not shown[i]:
             continue
         obj = item.object
         kind = obj.type
         if kind in _UNSUPPORTED:
             _warn_once(warnings, f'object "{obj.name}": {_UNSUPPORTED[kind]} not supported; left out')
-        if kind not in ("MESH", "LIGHT"):
+        if kind != "MESH":
             continue
-        # An instance is seen by the rays that see both it and its instancer, and held out with either; what counts in
-        # the view layer are the collections of the instancer. All as in Cycles.
         parent = item.parent if item.is_instance else None
-        own = flags_of(obj, is_placed=parent is None)
-        instancer = flags_of(parent, is_placed=True) if parent is not None else own
-        visibility = own.visibility & instancer.visibility
-        if not visibility:
-            continue
-        if kind == "LIGHT":
-            if problems[i] == _NOT_FINITE:
-                skipped[obj.name, problems[i]] += 1
-                continue
-            light = extract_light(obj, matrices[i], visibility, warnings)
-            if light is not None:
-                lights.append(light)
+        seen = flags.of_item(obj, parent)
+        if not seen.visibility:
             continue
         key = (obj.original.session_uid, obj.data.as_pointer())
         if key not in parts:
-            parts[key] = _part(obj, view_layer.material_override, materials, meshes, warnings)
+            check()
+            parts[key] = _part(obj, override, materials, meshes, warnings)
         part = parts[key]
         if part.mesh is None:
             continue
@@ -179,15 +281,19 @@ def extract_placements(depsgraph: bpy.types.Depsgraph, materials: MaterialTable,
                 mesh=part.mesh,
                 world_from_object=matrices[i],
                 materials=part.materials,
-                visibility=visibility,
-                is_holdout=own.is_holdout or instancer.is_holdout,
+                visibility=seen.visibility,
+                is_holdout=seen.is_holdout,
                 object_index=part.object_index,
                 random=_fraction(int(random_ids[i])) if parent is not None else name_random(part.name),
             )
         )
+    _warn_skipped(skipped, warnings)
+    return instances
+
+
+def _warn_skipped(skipped: Counter[tuple[str, str]], warnings: list[str]) -> None:
     for (name, problem), times in skipped.items():
         warnings.append(f'object "{name}": {problem}; left out' + (f" ({times} instances)" if times > 1 else ""))
-    return Placements(meshes.meshes, instances, lights)
 
 
 def name_random(name: str) -> float:
@@ -225,12 +331,17 @@ def _matrices(items: Any, count: int) -> tuple[DoubleArray, list[str]]:
     flat = np.empty(count * 16, np.float32)
     items.foreach_get("matrix_world", flat)
     matrices = flat.reshape(count, 4, 4).transpose(0, 2, 1).astype(np.float64)  # Blender stores columns
-    usable = (np.abs(matrices) <= FARTHEST).all(axis=(1, 2))  # False for NaN
+    usable = _is_usable(matrices)
     axes = np.where(usable[:, None, None], matrices[:, :3, :3], np.eye(3))
     box = np.prod(np.linalg.norm(axes, axis=1), axis=1)
     flattened = np.abs(np.linalg.det(axes)) <= _FLAT * box
     problems = np.where(usable, np.where(flattened, _FLATTENED, ""), _NOT_FINITE)
     return matrices, problems.tolist()
+
+
+def _is_usable(matrices: DoubleArray) -> Any:
+    """Whether each of (..., 4, 4) matrices has nothing but numbers that can be computed with."""
+    return (np.abs(matrices) <= FARTHEST).all(axis=(-2, -1))  # False for NaN
 
 
 def _part(

@@ -47,7 +47,7 @@ def extract_world(world: bpy.types.World | None, images: ImageReader, warnings: 
     try:
         color = _rgb(world.color)
         tree = _tree(world)
-        return WorldData(world.name, None if tree is None else _graph(tree, images), color)
+        return WorldData(world.name, None if tree is None else _graph(tree, images, warnings), color)
     except Exception as error:
         warnings.append(f"world '{world.name}' could not be read and is black ({type(error).__name__}: {error})")
         return WorldData(world.name, None)
@@ -58,7 +58,7 @@ def _material(material: bpy.types.Material, images: ImageReader, warnings: list[
     graph = None
     if material.grease_pencil is None and tree is not None:
         try:
-            graph = _graph(tree, images)
+            graph = _graph(tree, images, warnings)
         except Exception as error:
             problem = f"its nodes could not be read and its viewport colour is used ({type(error).__name__}: {error})"
             warnings.append(f"material '{material.name}': {problem}")
@@ -118,8 +118,9 @@ class _Source:
 class _Flattener:
     """Reads the nodes of one tree that its output needs."""
 
-    def __init__(self, images: ImageReader) -> None:
+    def __init__(self, images: ImageReader, warnings: list[str]) -> None:
         self.images = images
+        self.warnings = warnings
         self.nodes: dict[str, Node] = {}
         self._names: dict[tuple[str, ...], str] = {}
         self._links: dict[int, dict[tuple[str, str], bpy.types.NodeLink]] = {}
@@ -211,7 +212,7 @@ class _Flattener:
             idname=node.bl_idname,
             inputs=inputs,
             properties=properties,
-            image=self.images.read(image) if isinstance(image, bpy.types.Image) else None,
+            image=self.images.read(image, self.warnings) if isinstance(image, bpy.types.Image) else None,
             ramp=ramp,
             output_values={
                 socket.identifier: _value(socket)
@@ -221,11 +222,11 @@ class _Flattener:
         )
 
 
-def _graph(tree: bpy.types.NodeTree, images: ImageReader) -> NodeGraph:
+def _graph(tree: bpy.types.NodeTree, images: ImageReader, warnings: list[str]) -> NodeGraph:
     output = _active_output(tree)
     if output is None:
         return NodeGraph({}, None)
-    flattener = _Flattener(images)
+    flattener = _Flattener(images, warnings)
     name = flattener.read_all(_Place(tree), output)
     return NodeGraph(flattener.nodes, name)
 

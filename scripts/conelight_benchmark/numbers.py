@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""All numbers of a report, from results that are there: one object that can be written as JSON."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from . import measure
+from .catalogue import BenchmarkScene
+from .job import Job
+from .peers import PEERS
+from .plan import Plan
+from .store import Result, Store
+
+Row = dict[str, Any]
+
+#: The peer whose error is what the time to quality is asked for.
+TARGET_PEER = "cycles-64"
+#: The peer that a moving camera is measured against.
+MOVING_PEER = "cycles-4-oidn-fast"
+
+
+def reference_of(plan: Plan, store: Store) -> measure.Reference | None:
+    """The path-traced answer for a scene's pictures, if it is complete."""
+    results = {name: store.result(plan.scene, job) for name, job in plan.reference.items()}
+    complete = {name: result for name, result in results.items() if result is not None}
+    return measure.Reference.of(plan.scene, complete) if results and len(complete) == len(results) else None
+
+
+def of_scene(plan: Plan, store: Store, reference: measure.Reference | None) -> Row:
+    """Everything about one scene. ``stills`` and ``frames`` have one entry for each peer that has a result."""
+    scene = plan.scene
+    entry: Row = {"scene": scene.name, "measure": scene.measure, "stills": [], "frames": []}
+    if reference is not None:
+        job = plan.reference["a"]
+        entry |= {"size": list(job.size), "reference_samples": 2 * (job.samples or 0)}
+        entry["reference_noise"] = {"full": measure.reference_noise(reference.full)}
+        if reference.indirect is not None:
+            entry["reference_noise"]["indirect"] = measure.reference_noise(reference.indirect)
+    for name, job in plan.stills.items():
+        result = store.result(scene, job)
+        if result is not None and (reference is not None or not scene.has_reference):
+            entry["stills"].append(_cost(name, result) | _errors(scene, name, job, result, reference))
+    entry["frames"] = list(_sequences(plan, store))
+    return entry
+
+
+def _cost(name: str, result: Result) -> Row:
+    info = result.info
+    kept = ("cpu_ms", "wall_ms", "preparation_cpu_ms", "preparation_wall_ms", "peak_rss", "statistics")
+    return {"peer": name, "group": PEERS[name].group} | {key: info[key] for key in kept if key in info}
+
+
+def _errors(
+    scene: BenchmarkScene, name: str, job: Job, result: Result, reference: measure.Reference | None
+) -> Row:
+    """Measures of one picture; ``judged`` is what bars are about."""
+    picture = result.picture()
+    row: Row = {"mean": float(picture.mean())}
+    if reference is None:
+        if scene.measure == "constant":
+            row["judged"] = measure.constancy(picture, scene.expected)
+        else:
+            row["judged"] = {"bias": measure.leak(picture, scene.irradiance)}
+    else:
+        row["full"] = measure.compare(picture, reference.full)
+        row["full"]["flip"] = measure.flip(picture, 0.5 * (reference.full[0] + reference.full[1]))
+        if reference.indirect is not None:
+            own = measure.indirect_of(scene, job, result, reference)
+            row["indirect"] = measure.compare(own, reference.indirect)
+        row["judged"] = row[scene.measure]
+    bar = scene.bars.get(PEERS[name].preset or "") if PEERS[name].group == "Conelight" else None
+    if bar is not None:
+        error = row["judged"].get("relative_mse", row["judged"].get("largest", 0.0))
+        holds = abs(row["judged"]["bias"]) <= bar.bias and (not bar.error or error <= bar.error)
+        row["bar"] = {"error": bar.error, "bias": bar.bias, "holds": holds}
+    return row
+
+
+def _sequences(plan: Plan, store: Store) -> Sequence[Row]:
+    halves = [store.result(plan.scene, job) for job in plan.sequence_reference.values()]
+    if not plan.sequences or not halves or None in halves:
+        return []
+    references = tuple([half.picture(frame=i) for i in range(half.info["frames"])] for half in halves if half)
+    rows = []
+    for name, job in plan.sequences.items():
+        result = store.result(plan.scene, job)
+        if result is None:
+            continue
+        pictures = [result.picture(frame=i) for i in range(job.frames)]
+        errors = [measure.compare(x, (a, b)) for x, a, b in zip(pictures, *references, strict=True)]
+        mean, rms = measure.flicker(pictures, references)  # type: ignore[arg-type]
+        each = result.info["each"]
+        rows.append({
+            "peer": name, "frames": job.frames, "size": list(job.size), "cpu_ms": result.info["cpu_ms"],
+            "wall_ms": result.info["wall_ms"], "peak_rss": result.info["peak_rss"],
+            "relative_mse": sum(error["relative_mse"] for error in errors) / len(errors),
+            "bias": sum(error["bias"] for error in errors) / len(errors), "flicker": mean, "flicker_rms": rms,
+            "first_cpu_ms": each[0]["cpu_ms"], "first_wall_ms": each[0]["wall_ms"],
+            "first_relative_mse": errors[0]["relative_mse"], "each_cpu_ms": [frame["cpu_ms"] for frame in each],
+            "statistics": each[-1]["statistics"],
+        })
+    return rows
+
+
+def find(entry: Row, peer: str, where: str = "stills") -> Row | None:
+    """The row of a peer, if there is one."""
+    return next((row for row in entry[where] if row["peer"] == peer), None)
+
+
+def time_to(entry: Row, error: float, groups: Sequence[str] = ("Conelight", "samples")) -> float | None:
+    """CPU time (ms) in which Conelight reaches a full-image error: between the two measurements around it, by a
+    straight line between logarithms; None: no measurement reaches it."""
+    rows = [row for row in entry["stills"] if row["group"] in groups and "full" in row]
+    best: float | None = None
+    last: tuple[float, float] | None = None
+    for row in sorted(rows, key=lambda row: row["cpu_ms"]):
+        point = (row["cpu_ms"], max(row["full"]["relative_mse"], 1e-12))
+        if last is not None and point[1] >= last[1]:
+            continue  # slower and no better
+        if point[1] <= error and best is None:
+            if last is None:
+                best = point[0]
+            else:
+                share = math.log(last[1] / error) / math.log(last[1] / point[1])
+                best = last[0] * (point[0] / last[0]) ** share
+        last = point
+    return best

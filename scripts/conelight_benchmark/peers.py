@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who is measured: engines with their numbers, by name. A variant of Conelight is a peer with other settings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from conelight_cli.arguments import PRESET_NAMES
+
+from .catalogue import BenchmarkScene
+from .job import Job
+
+
+@dataclass(frozen=True)
+class Peer:
+    """``group``: what its points are joined by in plots. ``voxels``: along the longest side, instead of the scene's."""
+
+    name: str
+    group: str
+    engine: str
+    samples: int | None = None
+    preset: str | None = None
+    denoiser: str = ""
+    voxels: int | None = None
+    assignments: tuple[tuple[str, str], ...] = ()
+
+    def job(self, scene: BenchmarkScene, size: tuple[int, int]) -> Job:
+        """What is rendered for this peer."""
+        assignments = self.assignments
+        voxels = self.voxels or scene.voxels
+        if self.engine == "conelight" and voxels is not None:
+            assignments = (("voxel_auto", "off"), ("voxel_resolution", str(voxels)), *assignments)
+        splits = self.engine == "conelight" or (self.engine == "cycles" and not self.denoiser)
+        return Job(
+            self.engine, size, samples=self.samples, preset=self.preset, assignments=assignments,
+            denoiser=self.denoiser, passes=splits and scene.measure == "indirect",
+        )
+
+
+CYCLES_SAMPLES = (1, 4, 16, 64, 256)
+VOXELS = (32, 64, 128, 256)
+SAMPLES = (1, 2, 4, 8, 16, 32, 64, 128)
+
+#: Other ways to trace the same voxels would be listed here, as settings: ``Peer("name", "kernels", "conelight",
+#: preset="balanced", assignments=(("gather_mode", "CONES"),))``.
+KERNELS: tuple[Peer, ...] = ()
+
+PEERS: dict[str, Peer] = {
+    peer.name: peer
+    for peer in (
+        *(Peer(f"conelight-{name}", "Conelight", "conelight", preset=name) for name in PRESET_NAMES),
+        *(Peer(f"cycles-{n}", "Cycles", "cycles", n) for n in CYCLES_SAMPLES),
+        *(Peer(f"cycles-{n}-oidn-fast", "Cycles + OIDN fast", "cycles", n, denoiser="fast") for n in CYCLES_SAMPLES),
+        *(Peer(f"cycles-{n}-oidn", "Cycles + OIDN", "cycles", n, denoiser="default") for n in CYCLES_SAMPLES),
+        Peer("eevee-16", "EEVEE", "eevee", 16),
+        *(Peer(f"voxels-{n}", "voxels", "conelight", preset="balanced", voxels=n) for n in VOXELS),
+        *(Peer(f"samples-{n}", "samples", "conelight", n, preset="balanced") for n in SAMPLES),
+        *KERNELS,
+    )
+}
+
+#: Of a scene that needs no path tracer to know the answer, only our own numbers are of interest.
+ALONE = ("Conelight", "voxels", "kernels")
+
+QUICK = ("conelight-draft", "conelight-balanced", "cycles-1", "cycles-4", "cycles-16", "cycles-4-oidn-fast")
+SEQUENCE = ("conelight-draft", "conelight-balanced", "cycles-4", "cycles-4-oidn-fast")
+
+REFERENCE_SEEDS = (101, 102)  # no other render has them: noise of one must not be in another
+
+
+def reference_jobs(scene: BenchmarkScene, size: tuple[int, int], samples: int) -> dict[str, Job]:
+    """The path-traced answer: two halves, and ``direct``, what lamps light, where a scene's own passes do not tell."""
+    passes = scene.measure == "indirect"
+    halves = [Job("cycles", size, samples, seed=seed, passes=passes, timed=False) for seed in REFERENCE_SEEDS]
+    jobs = dict(zip(("a", "b"), halves, strict=True))
+    if passes and scene.has_lamps and scene.has_surroundings:
+        jobs["direct"] = replace(halves[0], samples=samples, lamps_only=True, passes=False)
+    return jobs
