@@ -206,18 +206,20 @@ class GpuContext:
 
     def buffer(self, name: str, data: np.ndarray | bytes | None = None, *, size: int = 0) -> moderngl.Buffer:
         """A buffer with ``data`` in it, or of ``size`` bytes of zero."""
-        if data is None:
-            data = bytes(max(size, 16))
-        else:
-            data = data if isinstance(data, bytes) else np.ascontiguousarray(data).tobytes()
-            data = data or bytes(16)
+        raw = None if data is None else _bytes_of(data)
+        size = max(size if raw is None else raw.nbytes, 16)
         limit = int(self.mgl.info.get("GL_MAX_SHADER_STORAGE_BLOCK_SIZE", 1 << 27))
-        if len(data) > limit:
+        if size > limit:
             raise MemoryError(
-                f"{name} needs {len(data) / 2**20:.0f} MiB in one buffer and this driver allows {limit / 2**20:.0f}: "
+                f"{name} needs {size / 2**20:.0f} MiB in one buffer and this driver allows {limit / 2**20:.0f}: "
                 "lower the voxel resolution or simplify the scene"
             )
-        return self._track(name, self.mgl.buffer(data), len(data))
+        buffer = self.mgl.buffer(reserve=size)
+        if raw is None or not raw.nbytes:
+            buffer.clear()
+        else:
+            buffer.write(raw)
+        return self._track(name, buffer, size)
 
     def texture(
         self,
@@ -230,7 +232,7 @@ class GpuContext:
         linear: bool = False,
     ) -> moderngl.Texture:
         """A 2D texture; ``data`` (rows, columns, components) or undefined content."""
-        raw = None if data is None else np.ascontiguousarray(data).tobytes()
+        raw = None if data is None else _bytes_of(data)
         texture = self.mgl.texture(size, components, raw, dtype=dtype, alignment=1)
         texture.filter = (moderngl.LINEAR, moderngl.LINEAR) if linear else (moderngl.NEAREST, moderngl.NEAREST)
         texture.repeat_x = texture.repeat_y = False
@@ -241,7 +243,7 @@ class GpuContext:
     ) -> moderngl.Texture3D:
         """A 3D texture; ``data`` (z, y, x, components) or zeros."""
         count = size[0] * size[1] * size[2] * components
-        raw = bytes(count * _BYTES[dtype]) if data is None else np.ascontiguousarray(data).tobytes()
+        raw = bytes(count * _BYTES[dtype]) if data is None else _bytes_of(data)
         texture = self.mgl.texture3d(size, components, raw, dtype=dtype, alignment=1)
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         texture.repeat_x = texture.repeat_y = texture.repeat_z = False
@@ -255,11 +257,15 @@ class GpuContext:
         rows = max(1, -(-count // width))
         if rows > 16384:
             raise MemoryError(f"{name} has {count} entries, more than a texture can hold: lower the voxel resolution")
-        if data is not None:
-            padded = np.zeros((rows * width, components), data.dtype)
-            padded[: len(data)] = data.reshape(len(data), components)
-            data = padded
-        return self.texture(name, (width, rows), components, dtype, data)
+        texture = self.texture(name, (width, rows), components, dtype)
+        if data is not None and len(data):
+            whole = len(data) // width
+            if whole:
+                texture.write(_bytes_of(data[: whole * width]), viewport=(0, 0, width, whole), alignment=1)
+            if len(data) > whole * width:
+                rest = len(data) - whole * width
+                texture.write(_bytes_of(data[whole * width :]), viewport=(0, whole, rest, 1), alignment=1)
+        return texture
 
     def adopt(self, name: str, thing: Any, size: int) -> Any:
         """Count an object that was made otherwise."""
@@ -338,6 +344,11 @@ class GpuContext:
 
 
 _BYTES = {"f1": 1, "f2": 2, "f4": 4, "u1": 1, "u2": 2, "u4": 4, "i4": 4, "nu2": 2}
+
+
+def _bytes_of(data: np.ndarray | bytes) -> memoryview:
+    """The bytes of ``data``, not copied when they lie one after another."""
+    return memoryview(data if isinstance(data, bytes) else np.ascontiguousarray(data).reshape(-1).view(np.uint8))
 
 
 def _shader_message(source: Source, defines: Mapping[str, object], error: Exception) -> str:

@@ -27,8 +27,8 @@ BRICK = 4
 
 #: Fixed-point unit of the sums of voxelization: 16.16, so that sums are integers and do not depend on order.
 FIXED_ONE = 65536
-#: 32-bit words of one face's sums: weight, reflectance x3, position x3.
-FACE_SUM_WORDS = 7
+#: While cells are counted, the axes that their surfaces face lie above the number of their triangles.
+CELL_COUNT_BITS = 29
 
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
@@ -44,7 +44,7 @@ BUFFERS = (
     "BUF_POSITIONS",  # float[3 V]
     "BUF_MATERIALS",  # uint[]: slots of instances, or batch of each material; world parameters
     "BUF_WORK",  # work items, pixel lists
-    "BUF_SUMS",  # voxelization sums, arguments of dispatches
+    "BUF_SUMS",  # bins of pixels, arguments of dispatches
     "BUF_COUNTS",  # counters and cursors
 )
 
@@ -81,9 +81,11 @@ TEXTURE_ALIASES = {
     "TEX_EMITTERS": "TEX_INSTANCES",  # rgba32ui list: Emitter, several texels each
     "TEX_EMITTER_LOOKUP": "TEX_CORNERS",  # r32ui list: triangle -> its first emitter and how its edges are divided
     # Materials, where no ray is traced.
-    "TEX_ATTRIBUTES": "TEX_BRICKS",  # r32ui list: corner normals, UV and colour layers
+    "TEX_ATTRIBUTES": "TEX_CELLS",  # r32ui list: corner normals, UV and colour layers
     "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters
+    # While voxels are made (lib/part.glsl).
     "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
+    "TEX_PARTS": "TEX_FACE_RADIANCE",  # rgba32ui list, cell by cell: what pairs bring to faces
     "TEX_CELL_POSITIONS": "TEX_CELL_OPACITIES",  # r32ui list: x | y << 11 | z << 22
     # Composition reads no grid: what it composes has the grid's units.
     "TEX_DIRECT_DIFFUSE": "TEX_FACE_RADIANCE",
@@ -246,7 +248,7 @@ def prelude() -> str:
         "TRIANGLES_PER_ROW": TRIANGLES_PER_ROW,
         "BRICK": BRICK,
         "FIXED_ONE": f"{FIXED_ONE}.0",
-        "FACE_SUM_WORDS": f"{FACE_SUM_WORDS}u",
+        "CELL_COUNT_BITS": CELL_COUNT_BITS,
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
         "EMITTER_UNITS": f"{EMITTER_UNITS}.0",

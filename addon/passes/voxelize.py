@@ -1,17 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Exact, order-independent voxelization into six faces, stored for occupied cells only.
 
-The cells that surfaces enter are marked, one bit each, in bricks of 4x4x4, and numbered; then every pair of a triangle
-and a cell it enters is written down; then the pairs are listed cell by cell (rays are exact against the triangles) and
-their materials summed face by face, a surface into the face that its normal is nearest to. Everything is allocated from
-counts. Overlaps are exact (lib/overlap.glsl), so no cell is missed, and all sums are integers, so the same scene gives
-the same bits on every run.
+Every pair of a triangle and a cell it enters is written down, and the cell marked, one bit each, in bricks of 4x4x4.
+The cells are numbered, their triangles counted, and the pairs listed cell by cell (rays are exact against the
+triangles) with what they bring to a face: a surface belongs to the face that its normal is nearest to. In the end each
+face sums up its parts. Overlaps are exact (lib/overlap.glsl), so no cell is missed, and all sums are integers, so the
+same scene gives the same bits on every run.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import Any
 
 import moderngl
@@ -23,11 +24,11 @@ from ..grid import VoxelGrid
 from ..scene import RayVisibility
 from .geometry import Geometry
 from .materials import MaterialPass, MaterialSet
+from .voxel_numbers import brick_distances, cell_axes, cell_positions, cell_records, popcount
 
-#: Pairs in one dispatch: bounds how long a step takes, so that cancelling is quick.
+#: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
+ITEMS_PER_STEP = 1 << 17
 PAIRS_PER_STEP = 1 << 18
-
-_POPCOUNT = np.array([bin(value).count("1") for value in range(1 << 16)], np.uint8)
 
 
 @dataclass
@@ -76,65 +77,15 @@ class Voxels:
         kernel.set(grid_size=self.grid.size)
 
 
-def popcount(words: np.ndarray) -> np.ndarray:
-    """Bits set in each uint64 of ``words``, same shape, int64."""
-    halves = np.ascontiguousarray(words).view(np.uint16).reshape(*words.shape, 4)
-    return _POPCOUNT[halves].sum(axis=-1, dtype=np.int64)
+@dataclass
+class _Lists:
+    """What is listed cell by cell before there are faces: list textures."""
 
-
-def brick_distances(occupied: np.ndarray) -> np.ndarray:
-    """Chebyshev distance of each brick to the nearest occupied one, (z, y, x) bool -> uint8 (255: farther or none)."""
-    distance = np.where(occupied, 0, 255).astype(np.uint8)
-    reached = occupied.copy()
-    for step in range(1, 255):
-        if reached.all() or not reached.any():
-            break
-        for axis in range(3):
-            grown = reached.copy()
-            before = [slice(None)] * 3
-            after = [slice(None)] * 3
-            before[axis], after[axis] = slice(None, -1), slice(1, None)
-            grown[tuple(after)] |= reached[tuple(before)]
-            grown[tuple(before)] |= reached[tuple(after)]
-            reached = grown
-        distance[reached & (distance == 255)] = step
-    return distance
-
-
-def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:
-    """Positions of occupied cells in the order of their numbers, packed x | y << 11 | z << 22, (N,) uint32.
-
-    ``masks``: (B,) uint64, bricks in the order x fastest.
-    """
-    filled = np.flatnonzero(masks)
-    bits = np.unpackbits(np.ascontiguousarray(masks[filled]).view(np.uint8).reshape(-1, 8), axis=1, bitorder="little")
-    row, bit = np.nonzero(bits)
-    brick = filled[row]
-    x = (brick % bricks[0]) * interface.BRICK + (bit & 3)
-    y = (brick // bricks[0] % bricks[1]) * interface.BRICK + (bit >> 2 & 3)
-    z = (brick // (bricks[0] * bricks[1])) * interface.BRICK + (bit >> 4)
-    return (x | y << 11 | z << 22).astype(np.uint32)
-
-
-def cell_axes(facings: np.ndarray) -> np.ndarray:
-    """Work of pass voxel_resolve: cell | axis << 30 for each axis that a cell has faces on, axis by axis.
-
-    ``facings``: (cells,) uint32, bits 0 to 5.
-    """
-    parts = [np.flatnonzero(facings >> (2 * axis) & 1).astype(np.uint32) | np.uint32(axis << 30) for axis in range(3)]
-    return np.concatenate(parts)
-
-
-def face_order(records: np.ndarray) -> np.ndarray:
-    """(faces,) uint32: all faces, facing by facing: neighbours in the list are alike.
-
-    ``records``: (cells, 4) uint32, as lib/grid.glsl describes them.
-    """
-    parts = []
-    for facing in range(6):
-        chosen = records[records[:, 3] >> facing & 1 == 1]
-        parts.append(chosen[:, 2] + _POPCOUNT[chosen[:, 3] & ((1 << facing) - 1)])
-    return np.concatenate(parts).astype(np.uint32)
+    cells: moderngl.Texture  # rgba32ui: records
+    cursors: moderngl.Buffer  # next list entry of each cell
+    triangles: moderngl.Texture  # r32ui
+    opacities: moderngl.Texture | None  # r8
+    parts: moderngl.Texture  # rgba32ui: what triangles bring to faces (lib/part.glsl)
 
 
 class VoxelizePass:
@@ -157,120 +108,123 @@ class VoxelizePass:
 
     def _steps(self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass) -> Iterator[float]:
         gpu, slot, grid = self.gpu, interface.slot, geometry.grid
-        mask = gpu.texture_3d("voxel marks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
-        self._temporary.append(mask)
         with gpu.timed("voxelize"):
-            total, work = self._work(geometry)
-        yield 0.1
+            mask = gpu.texture_3d("voxel marks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
+            self._temporary.append(mask)
+            item_starts, capacity, work = self._work(geometry, materials)
+        yield 0.05
+
+        pairs, starts = yield from self._list_pairs(geometry, item_starts, work, mask, capacity)
+        while starts[-1] > capacity:  # the estimate was too low: hardly ever
+            capacity = starts[-1]
+            gpu.free(pairs)
+            pairs, starts = yield from self._list_pairs(geometry, item_starts, work, mask, capacity)
 
         with gpu.timed("voxelize"):
-            counters = gpu.buffer("voxel counters", size=4 * len(materials.batches))
-            self._temporary.append(counters)
-            kernel = gpu.kernel("voxel_mark").set(grid_size=grid.size, work_count=total)
-            geometry.triangles.use(slot("TEX_TRIANGLES"))
-            work.bind_to_storage_buffer(slot("BUF_WORK"))
-            materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
-            counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
-            mask.bind_to_image(slot("IMG_0"), read=True, write=True)
-            kernel.run_list(total)
-            gpu.barrier()  # read back, then as a texture
-            bricks, packed = self._number_cells(mask, grid)
-            batch_counts = np.frombuffer(counters.read(), np.uint32)[: len(materials.batches)].astype(np.int64)
-            starts = np.concatenate([[0], np.cumsum(batch_counts)])
-            counters.write(starts[:-1].astype(np.uint32).tobytes())
-        cells = len(packed)
-        yield 0.25
-
-        with gpu.timed("voxelize"):
-            pairs = gpu.list_texture("voxel pairs", int(starts[-1]), 4, "u4")
-            counts = gpu.buffer("voxel counts", size=8 * cells)
-            self._temporary += [pairs, counts]
-            kernel = gpu.kernel("voxel_pairs").set(grid_size=grid.size, work_count=total)
+            bricks, positions = self._number_cells(mask, grid)
+            gpu.free(mask, work)
+            cursors = gpu.buffer("voxel counts", size=4 * len(positions))
+            self._temporary.append(cursors)
+            kernel = gpu.kernel("voxel_count").set(grid_size=grid.size, pair_count=starts[-1])
             bricks.use(slot("TEX_BRICKS"))
-            counts.bind_to_storage_buffer(slot("BUF_SUMS"))
-            pairs.bind_to_image(slot("IMG_0"), read=False, write=True)
-            kernel.run_list(total)
-            gpu.barrier()  # the counts are read back, the pairs by the next step
-            voxels, facings = self._allocate(geometry, materials, bricks, counts, cells)
-            positions = gpu.list_texture("voxel cell positions", cells, 1, "u4", packed if cells else None)
-            self._temporary.append(positions)
-        yield 0.4
+            pairs.use(slot("TEX_PAIRS"))
+            cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
+            kernel.run_list(starts[-1])
+            gpu.barrier()  # read back
+            counts = np.frombuffer(cursors.read(), np.uint32)[: len(positions)]
+            lists = self._allocate_lists(materials, counts, cursors, starts[-1])
+        yield 0.5
 
-        with gpu.timed("voxelize"):
-            sums = gpu.buffer("voxel sums", size=4 * interface.FACE_SUM_WORDS * voxels.faces.count)
-            self._temporary.append(sums)
-        for index, batch in enumerate(materials.batches):
-            for first in range(int(starts[index]), int(starts[index + 1]), PAIRS_PER_STEP):
-                count = min(PAIRS_PER_STEP, int(starts[index + 1]) - first)
+        for index in range(len(materials.batches)):
+            for first in range(starts[index], starts[index + 1], PAIRS_PER_STEP):
+                count = min(PAIRS_PER_STEP, starts[index + 1] - first)
                 with gpu.timed("voxelize"):
-                    kernel = gpu.kernel(
-                        "voxel_accumulate",
-                        material_pass.defines(batch) | voxels.trace_defines | {"FLAT_SHADING": True},
-                        material_pass.texts(batch),
-                    )
+                    kernel = self._accumulate_kernel(materials, material_pass, index)
                     geometry.bind(kernel)
-                    material_pass.bind(batch, kernel)
-                    voxels.cells.use(slot("TEX_CELLS"))
-                    positions.use(slot("TEX_CELL_POSITIONS"))
+                    bricks.use(slot("TEX_BRICKS"))
                     pairs.use(slot("TEX_PAIRS"))
-                    sums.bind_to_storage_buffer(slot("BUF_SUMS"))
-                    counts.bind_to_storage_buffer(slot("BUF_COUNTS"))
-                    voxels.cell_triangles.bind_to_image(slot("IMG_0"), read=False, write=True)
-                    if voxels.cell_opacities is not None:
-                        voxels.cell_opacities.bind_to_image(slot("IMG_1"), read=False, write=True)
-                    kernel.set(pair_first=first, pair_count=count)
+                    self._bind_lists(lists)
+                    kernel.set(grid_size=grid.size, pair_first=first, pair_count=count)
                     kernel.run_list(count)
-                    material_pass.unbind(batch)
-                yield 0.4 + 0.5 * (first + count) / max(int(starts[-1]), 1)
+                    material_pass.unbind(materials.batches[index])
+                yield 0.5 + 0.4 * (first + count) / starts[-1]
 
         with gpu.timed("voxelize"):
-            gpu.barrier()  # sums and lists are complete
-            self._resolve(voxels, sums, positions, facings)
-        self.voxels = voxels
+            gpu.barrier()  # the lists are complete
+            gpu.free(pairs, cursors)
+            faces = self._resolve(geometry, lists, counts, positions)
+        self.voxels = Voxels(
+            grid,
+            bricks,
+            lists.cells,
+            lists.triangles,
+            lists.opacities,
+            faces,
+            geometry.triangles,
+            cell_count=len(counts),
+            pair_count=starts[-1],
+        )
         yield 1.0
 
-    def _resolve(
-        self, voxels: Voxels, sums: moderngl.Buffer, positions: moderngl.Texture, facings: np.ndarray
-    ) -> None:
+    def _work(self, geometry: Geometry, materials: MaterialSet) -> tuple[list[int], int, moderngl.Buffer]:
+        """Where each batch's work items start (and the last ones end), about how many pairs there are, the items."""
         gpu, slot = self.gpu, interface.slot
-        axes = cell_axes(facings)
-        work = gpu.buffer("voxel work", axes)
-        self._temporary.append(work)
-        kernel = gpu.kernel("voxel_resolve")
-        voxels.bind(kernel)
-        kernel.set(work_count=len(axes))
-        positions.use(slot("TEX_CELL_POSITIONS"))
-        sums.bind_to_storage_buffer(slot("BUF_SUMS"))
-        work.bind_to_storage_buffer(slot("BUF_WORK"))
-        faces = voxels.faces
-        faces.place.bind_to_image(slot("IMG_0"), read=False, write=True)
-        faces.reflectance.bind_to_image(slot("IMG_1"), read=False, write=True)
-        kernel.run_list(len(axes))
-        gpu.barrier()  # injection and links read the faces
-
-    def _work(self, geometry: Geometry) -> tuple[int, moderngl.Buffer]:
-        """How many work items there are, and the items."""
-        gpu, slot = self.gpu, interface.slot
-        counter = gpu.buffer("voxel counters", size=4)
-        self._temporary.append(counter)
-        mask = int(RayVisibility.ALL)
+        batches = len(materials.batches)
+        counters = gpu.buffer("voxel counters", size=4 * (batches + 1))
+        self._temporary.append(counters)
 
         def run(count: bool) -> None:
             kernel = gpu.kernel("work", {"COUNT": count})
-            kernel.set(grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=mask)
+            kernel.set(
+                grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=int(RayVisibility.ALL),
+                batch_count=batches,
+            )  # fmt: skip
             geometry.triangles.use(slot("TEX_TRIANGLES"))
-            counter.bind_to_storage_buffer(slot("BUF_COUNTS"))
+            materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
+            counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
             kernel.run_list(geometry.triangle_count)
-            gpu.barrier()  # the counter is read back, work by later steps
+            gpu.barrier()  # counters are read back, work by later steps
 
         run(count=True)
-        total = int(np.frombuffer(counter.read(4), np.uint32)[0])
-        counter.clear()
-        work = gpu.buffer("voxel work", size=8 * total)
+        counts = np.frombuffer(counters.read(), np.uint32)[: batches + 1].tolist()
+        starts = [0, *accumulate(counts[:batches])]
+        counters.write(np.array(starts, np.uint32))
+        work = gpu.buffer("voxel work", size=8 * starts[-1])
         self._temporary.append(work)
         work.bind_to_storage_buffer(slot("BUF_WORK"))
         run(count=False)
-        return total, work
+        return starts, counts[-1], work
+
+    def _list_pairs(
+        self, geometry: Geometry, item_starts: list[int], work: moderngl.Buffer, mask: moderngl.Texture3D, capacity: int
+    ) -> Generator[float, None, tuple[moderngl.Texture, list[int]]]:
+        """Mark cells and list pairs. Returns the list, and where each batch's pairs start and the last ones end.
+
+        The list holds no more than ``capacity``; what is beyond is counted all the same.
+        """
+        gpu, slot = self.gpu, interface.slot
+        batches = len(item_starts) - 1
+        with gpu.timed("voxelize"):
+            pairs = gpu.list_texture("voxel pairs", capacity, 4, "u4")
+            counters = gpu.buffer("voxel counters", size=4 * (batches + 1))
+            self._temporary += [pairs, counters]
+        for batch in range(batches):
+            for first in range(item_starts[batch], item_starts[batch + 1], ITEMS_PER_STEP):
+                count = min(ITEMS_PER_STEP, item_starts[batch + 1] - first)
+                with gpu.timed("voxelize"):
+                    kernel = gpu.kernel("voxel_pairs")
+                    kernel.set(grid_size=geometry.grid.size, work_first=first, work_count=count)
+                    kernel.set(batch=batch, pair_capacity=capacity)
+                    geometry.triangles.use(slot("TEX_TRIANGLES"))
+                    work.bind_to_storage_buffer(slot("BUF_WORK"))
+                    counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
+                    mask.bind_to_image(slot("IMG_0"), read=True, write=True)
+                    pairs.bind_to_image(slot("IMG_1"), read=False, write=True)
+                    kernel.run_list(count)
+                yield 0.05 + 0.4 * (first + count) / item_starts[-1]
+            gpu.barrier()  # the next batch goes on where this one ends; in the end all is read
+            gpu.mgl.copy_buffer(counters, counters, 4, read_offset=4 * batch, write_offset=4 * batch + 4)
+        return pairs, [0, *np.frombuffer(counters.read(), np.uint32)[:batches].tolist()]
 
     def _number_cells(self, mask: moderngl.Texture3D, grid: VoxelGrid) -> tuple[moderngl.Texture3D, np.ndarray]:
         """The brick texture, and the packed positions of the occupied cells."""
@@ -285,53 +239,72 @@ class VoxelizePass:
         self._owned.append(bricks)
         return bricks, cell_positions(masks, grid.bricks)
 
-    def _allocate(
-        self,
-        geometry: Geometry,
-        materials: MaterialSet,
-        bricks: moderngl.Texture3D,
-        counts: moderngl.Buffer,
-        cells: int,
-    ) -> tuple[Voxels, np.ndarray]:
-        """The voxels, still empty, and which ways the surfaces of each cell face."""
+    def _allocate_lists(
+        self, materials: MaterialSet, counts: np.ndarray, cursors: moderngl.Buffer, pairs: int
+    ) -> _Lists:
         gpu = self.gpu
-        table = np.frombuffer(counts.read(), np.uint32)[: 2 * cells].reshape(-1, 2)
-        records = np.zeros((max(cells, 1), 4), np.uint32)
-        pairs, faces = 0, 0
-        if cells:
-            ends = np.cumsum(table[:, 0], dtype=np.int64)
-            face_counts = _POPCOUNT[table[:, 1]]
-            face_ends = np.cumsum(face_counts, dtype=np.int64)
-            pairs, faces = int(ends[-1]), int(face_ends[-1])
-            records[:, 0] = ends - table[:, 0]
-            records[:, 1] = table[:, 0]
-            records[:, 2] = face_ends - face_counts
-            records[:, 3] = table[:, 1]
-            counts.write(np.ascontiguousarray(records[:, 0]).tobytes())  # from here on: next list entry of each cell
-        cell_texture = gpu.list_texture("cells", len(records), 4, "u4", records)
-        triangles = gpu.list_texture("cell triangles", pairs, 1, "u4")
-        opacities = gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.lets_light_through else None
-        textures = Faces(
-            faces,
-            gpu.list_texture("faces", faces, 4, "u4"),
-            gpu.list_texture("faces", faces, 4, "nu2"),
-            gpu.list_texture("faces", faces, 1, "u4", face_order(records[:cells]) if faces else None),
+        records = cell_records(counts)
+        if len(records):
+            cursors.write(np.ascontiguousarray(records[:, 0]))
+        lists = _Lists(
+            gpu.list_texture("cells", len(records), 4, "u4", records),
+            cursors,
+            gpu.list_texture("cell triangles", pairs, 1, "u4"),
+            gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.lets_light_through else None,
+            gpu.list_texture("voxel parts", pairs, 4, "u4"),
         )
-        self._owned += [
-            cell_texture, triangles, opacities, textures.place, textures.reflectance, textures.order,
-        ]  # fmt: skip
-        voxels = Voxels(
-            grid=geometry.grid,
-            bricks=bricks,
-            cells=cell_texture,
-            cell_triangles=triangles,
-            cell_opacities=opacities,
-            faces=textures,
-            triangles=geometry.triangles,
-            cell_count=cells,
-            pair_count=pairs,
+        self._owned += [lists.cells, lists.triangles, lists.opacities]
+        self._temporary.append(lists.parts)
+        return lists
+
+    def _accumulate_kernel(self, materials: MaterialSet, material_pass: MaterialPass, index: int) -> Kernel:
+        """The program of a batch, with its materials bound."""
+        batch = materials.batches[index]
+        defines = {
+            "HAS_OPACITY": materials.lets_light_through,
+            "FLAT_SHADING": True,
+        }
+        kernel = self.gpu.kernel("voxel_accumulate", material_pass.defines(batch) | defines, material_pass.texts(batch))
+        material_pass.bind(batch, kernel)
+        return kernel
+
+    def _bind_lists(self, lists: _Lists) -> None:
+        """For writing."""
+        slot = interface.slot
+        lists.cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
+        written = (lists.triangles, lists.parts, lists.opacities)
+        for unit, texture in zip(("IMG_0", "IMG_1", "IMG_2"), written, strict=True):
+            if texture is not None:
+                texture.bind_to_image(slot(unit), read=False, write=True)
+
+    def _resolve(self, geometry: Geometry, lists: _Lists, counts: np.ndarray, packed: np.ndarray) -> Faces:
+        gpu, slot = self.gpu, interface.slot
+        items, axis_counts = cell_axes(counts)
+        work = gpu.buffer("voxel work", items)
+        positions = gpu.list_texture("voxel cell positions", len(packed), 1, "u4", packed)
+        self._temporary += [work, positions]
+        count = 2 * len(items)
+        faces = Faces(
+            count,
+            gpu.list_texture("faces", count, 4, "u4"),
+            gpu.list_texture("faces", count, 4, "nu2"),
+            gpu.list_texture("faces", count, 1, "u4"),
         )
-        return voxels, records[:cells, 3].copy()
+        self._owned += [faces.place, faces.reflectance, faces.order]
+        kernel = gpu.kernel("voxel_resolve")
+        kernel.set(work_count=len(items), axis_counts=axis_counts)
+        geometry.triangles.use(slot("TEX_TRIANGLES"))
+        lists.cells.use(slot("TEX_CELLS"))
+        lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
+        lists.parts.use(slot("TEX_PARTS"))
+        positions.use(slot("TEX_CELL_POSITIONS"))
+        work.bind_to_storage_buffer(slot("BUF_WORK"))
+        faces.place.bind_to_image(slot("IMG_0"), read=False, write=True)
+        faces.reflectance.bind_to_image(slot("IMG_1"), read=False, write=True)
+        faces.order.bind_to_image(slot("IMG_2"), read=False, write=True)
+        kernel.run_list(len(items))
+        gpu.barrier()  # injection and links read the faces
+        return faces
 
     def release(self) -> None:
         """Free everything."""

@@ -15,7 +15,8 @@ from addon.gpu.context import GpuContext, Kernel
 from addon.grid import VoxelGrid
 from addon.passes.geometry import Geometry, GeometryPass
 from addon.passes.materials import MaterialPass
-from addon.passes.voxelize import VoxelizePass, Voxels, cell_positions
+from addon.passes.voxel_numbers import cell_positions
+from addon.passes.voxelize import VoxelizePass, Voxels
 from addon.pipeline import Pipeline
 from addon.scene import SceneData
 from addon.settings import Settings

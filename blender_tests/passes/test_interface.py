@@ -84,3 +84,21 @@ def test_driver_errors_are_noticed(gpu: GpuContext) -> None:
     assert gpu.mgl.error == "GL_INVALID_ENUM"
     assert len(messages) == 1 and "glEnable" in messages[0]
     assert loader.debug_messages(gl) == []
+
+
+def test_lists_hold_what_was_given(gpu: GpuContext) -> None:
+    """Whole rows, a row begun, both, and nothing; buffers of a size are zero."""
+    width = interface.LIST_WIDTH
+    for count in (0, 1, width, 2 * width + 3):
+        rows = np.arange(4 * count, dtype=np.uint32).reshape(-1, 4)
+        made = gpu.list_texture("test list", count, 4, "u4", rows)
+        found = np.frombuffer(made.read(), np.uint32).reshape(-1, 4)
+        gpu.free(made)
+        assert len(found) == width * max(1, -(-count // width))
+        np.testing.assert_array_equal(found[:count], rows)
+    every_other = np.arange(20, dtype=np.uint32)[::2]
+    made = [gpu.buffer("test input", every_other), gpu.buffer("test output", size=20), gpu.buffer("test output", b"")]
+    found = [np.frombuffer(buffer.read(), np.uint32) for buffer in made]
+    gpu.free(*made)
+    np.testing.assert_array_equal(found[0], every_other)
+    assert len(found[1]) == 5 and not found[1].any() and not found[2].any()

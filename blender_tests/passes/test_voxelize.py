@@ -132,16 +132,53 @@ def test_order_of_work_does_not_show(shape: str, gpu: GpuContext, monkeypatch: p
         original = VoxelizePass._work
 
         def shuffled(self: VoxelizePass, *arguments: Any) -> Any:
-            total, work = original(self, *arguments)
-            items = np.frombuffer(work.read(), np.uint32).reshape(-1, 2)[:total].copy()
+            starts, estimate, work = original(self, *arguments)
+            assert len(starts) == 2  # one batch
+            items = np.frombuffer(work.read(), np.uint32).reshape(-1, 2)[: starts[-1]].copy()
             np.random.default_rng(1).shuffle(items)
             work.write(items.tobytes())
-            return total, work
+            return starts, estimate, work
 
         monkeypatch.setattr(VoxelizePass, "_work", shuffled)
         with voxelized(gpu, made, unit_grid(SIZE)) as second:
             assert not np.array_equal(first.triangles, second.triangles)  # it was another order indeed
             assert same_faces(first, second)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_low_estimate_of_pairs_does_not_show(kind: str, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The estimate suffices for triangles here and there; where it does not, pairs are listed again."""
+    made = scenes.scene((scenes.soup(triangles_in_grid(kind, 200)), scenes.diffuse(0.4)))
+    original_work, original_list = VoxelizePass._work, VoxelizePass._list_pairs
+    capacities = []
+
+    def low(self: VoxelizePass, *arguments: Any) -> Any:
+        starts, _, work = original_work(self, *arguments)
+        return starts, 7, work
+
+    def listed(self: VoxelizePass, *arguments: Any) -> Any:
+        capacities.append(arguments[-1])
+        return original_list(self, *arguments)
+
+    monkeypatch.setattr(VoxelizePass, "_list_pairs", listed)
+    with voxelized(gpu, made, unit_grid(SIZE)) as first:
+        count = first.voxels.pair_count
+        assert len(capacities) == 1 and count <= capacities[0] < 2 * count
+        monkeypatch.setattr(VoxelizePass, "_work", low)
+        with voxelized(gpu, made, unit_grid(SIZE)) as second:
+            assert capacities[1:] == [7, count]
+            assert same_faces(first, second)
+
+
+def test_materials_keep_to_their_surfaces(gpu: GpuContext) -> None:
+    """Pairs are listed batch by batch: surfaces of several programs, and each face has its own material."""
+    surfaces = (scenes.diffuse((0.8, 0.1, 0.1)), scenes.glowing(0.5, 3.0), scenes.emission((2.0, 1.0, 0.0)))
+    floors = [(scenes.plane(20.0, height), surface) for height, surface in zip((2.5, 9.5, 17.5), surfaces, strict=True)]
+    with voxelized(gpu, scenes.scene(*floors), unit_grid(SIZE)) as found:
+        for layer, color in ((2, (0.8, 0.1, 0.1)), (9, 0.5), (17, 0.0)):
+            faces = found.faces[(found.face_cells[:, 2] == layer) & (found.faces["weight"] > 0.9)]
+            assert len(faces) > 2 * 15**2 / 4
+            np.testing.assert_allclose(faces["reflectance"], np.broadcast_to(color, (len(faces), 3)), atol=1e-3)
 
 
 def test_order_of_triangles_hardly_shows(gpu: GpuContext) -> None:

@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.gpu.interface import BRICK
-from addon.passes.voxelize import brick_distances, cell_positions, popcount
+from addon.gpu.interface import BRICK, CELL_COUNT_BITS
+from addon.passes.voxel_numbers import brick_distances, cell_axes, cell_positions, cell_records, popcount
 
 
 def masks_of(cells: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:
@@ -61,3 +61,19 @@ def test_brick_distances() -> None:
     far = np.zeros((1, 1, 300), bool)
     far[0, 0, 0] = True
     np.testing.assert_array_equal(brick_distances(far)[0, 0], np.minimum(np.arange(300), 255))
+
+
+def test_cells_get_their_share_of_lists_and_faces() -> None:
+    """Three triangles facing x and z, one facing y, two facing all ways: lists and faces follow each other."""
+    counts = np.array([3, 1, 2], np.uint32) | np.array([0b101, 0b010, 0b111], np.uint32) << CELL_COUNT_BITS
+    expected = [[0, 3, 0, 0b110011], [3, 1, 4, 0b001100], [4, 2, 6, 0b111111]]
+    np.testing.assert_array_equal(cell_records(counts), expected)
+    work, axis_counts = cell_axes(counts)
+    assert work.dtype == np.uint32 and axis_counts == (2, 2, 2)
+    np.testing.assert_array_equal(work, [0, 2, 1 | 1 << 30, 2 | 1 << 30, 0 | 2 << 30, 2 | 2 << 30])
+
+
+def test_no_cells_have_nothing() -> None:
+    none = np.zeros(0, np.uint32)
+    assert cell_records(none).shape == (0, 4)
+    assert cell_axes(none)[0].shape == (0,) and cell_axes(none)[1] == (0, 0, 0)

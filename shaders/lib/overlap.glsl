@@ -63,6 +63,15 @@ uint item_count(Triangle t)
     return uint((range.z * range.w + COLUMNS_PER_ITEM - 1) / COLUMNS_PER_ITEM);
 }
 
+// How many cells a triangle enters, on average over where it lies in the grid, rounded up: the volume of the triangle's
+// Minkowski sum with a cell.
+uint expected_cells(Triangle t)
+{
+    vec3 extent = max(vec3(0.0), max(t.edge_1, t.edge_2)) - min(vec3(0.0), min(t.edge_1, t.edge_2));
+    vec3 areas = 0.5 * abs(cross(t.edge_1, t.edge_2));  // seen along each axis
+    return uint(ceil(min(1.0 + dot(extent + areas, vec3(1.0)), 1e9)));
+}
+
 // Add segment a-b of an outline to (area, moment in x, moment in y).
 void add_segment(inout vec3 sums, vec2 a, vec2 b)
 {
@@ -169,35 +178,44 @@ void visit_cells(uint triangle_index, uint item)
     float area_scale = 1.0 / abs(turn(normal, axis).z);
     int first = int(item) * COLUMNS_PER_ITEM;
     int last = min(first + COLUMNS_PER_ITEM, range.z * range.w);
-    for (int k = first; k < last; ++k) {
-        ivec2 column = range.xy + ivec2(k % range.z, k / range.z);
-        // Depth of the plane at the column's centre, and how far it can differ within the column.
-        float z_mid = a.z + dot(slope, vec2(column) + 0.5 - a.xy);
-        float z_half = 0.5 * (abs(slope.x) + abs(slope.y)) + 1e-3;
-        int z0 = int(floor(max(z_lo, z_mid - z_half)));
-        int z1 = int(floor(min(z_hi, z_mid + z_half)));
-        for (int z = max(z0, 0); z <= min(z1, z_size - 1); ++z) {
-            vec3 base = vec3(vec2(column), float(z));
-            vec3 sums = overlap(a - base, b - base, c - base);
-            float area = abs(sums.x);
-            if (area == 0.0) {
-                continue;
-            }
-            // Where an outline passes a cell at a distance, its segments cancel but for their rounding. (A loop, not an
-            // `if`: software rasterizers run the inside of an `if` whether it holds or not.)
-            bool apart = false;
-            for (bool unsure = area < 1e-4; unsure; unsure = false) {
-                vec3 u = a - base, v = b - base, w = c - base;
-                apart = is_apart(u.xy, v.xy, w.xy) || is_apart(u.yz, v.yz, w.yz) || is_apart(u.zx, v.zx, w.zx);
-            }
-            if (apart) {
-                continue;
-            }
-            vec2 centre = clamp(sums.yz / sums.x, 0.0, 1.0);
-            vec3 at = vec3(centre + base.xy, 0.0);
-            at.z = clamp(a.z + dot(slope, at.xy - a.xy), base.z, base.z + 1.0);
-            visit_cell(triangle_index, t, turn_back(ivec3(column, z), axis), area * area_scale,
-                       turn_back(at, axis), normal);
+    ivec2 column = range.xy + ivec2(first % range.z, first / range.z);
+    float z_half = 0.5 * (abs(slope.x) + abs(slope.y)) + 1e-3;
+    // One loop, not one in another: threads side by side wait for each other once a cell, not once a column.
+    int z = 0, z_end = -1;
+    vec3 base = vec3(0.0);
+    for (int left = last - first; left > 0 || z <= z_end; ++z) {
+        if (z > z_end) {
+            // Depth of the plane at the column's centre, and how far it can differ within the column.
+            float z_mid = a.z + dot(slope, vec2(column) + 0.5 - a.xy);
+            z = max(int(floor(max(z_lo, z_mid - z_half))), 0);
+            z_end = min(int(floor(min(z_hi, z_mid + z_half))), z_size - 1);
+            base.xy = vec2(column);
+            ++column.x;
+            column = column.x == range.x + range.z ? ivec2(range.x, column.y + 1) : column;
+            --left;
         }
+        if (z > z_end) {
+            continue;
+        }
+        base.z = float(z);
+        vec3 sums = overlap(a - base, b - base, c - base);
+        float area = abs(sums.x);
+        if (area == 0.0) {
+            continue;
+        }
+        // Where an outline passes a cell at a distance, its segments cancel but for their rounding. (A loop, not an
+        // `if`: software rasterizers run the inside of an `if` whether it holds or not.)
+        bool apart = false;
+        for (bool unsure = area < 1e-4; unsure; unsure = false) {
+            vec3 u = a - base, v = b - base, w = c - base;
+            apart = is_apart(u.xy, v.xy, w.xy) || is_apart(u.yz, v.yz, w.yz) || is_apart(u.zx, v.zx, w.zx);
+        }
+        if (apart) {
+            continue;
+        }
+        vec2 centre = clamp(sums.yz / sums.x, 0.0, 1.0);
+        vec3 at = vec3(centre + base.xy, 0.0);
+        at.z = clamp(a.z + dot(slope, at.xy - a.xy), base.z, base.z + 1.0);
+        visit_cell(triangle_index, t, turn_back(ivec3(base), axis), area * area_scale, turn_back(at, axis), normal);
     }
 }

@@ -1,25 +1,23 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Sum what surfaces bring to the faces of every cell, and list the cell's triangles.
-// A surface counts, with its area, for the facing that its normal is nearest to. A sheet has two sides, but what its back
-// looks like is asked only where no front faces that way (pass voxel_resolve): a thin wall keeps two colours.
-// Sums are integers: the order of threads cannot show.
-// Input: pairs of one batch, triangles, materials, cells with their positions.
-// Output: sums of faces, triangles of cells.
+// What each triangle brings to each cell it enters, listed cell by cell.
+// A surface counts, with its area, for the facing that its normal is nearest to. A sheet has two sides, but what its
+// back looks like is asked only where no front faces that way (pass voxel_resolve): a thin wall keeps two colours.
+// Input: pairs of one batch, triangles, materials, cell numbering.
+// Output: triangles of cells, and their parts (see lib/part.glsl).
 
 #include "lib/grid.glsl"
+#include "lib/part.glsl"
 #include "lib/geometry.glsl"
 #include "lib/closure.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
-layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
 layout(binding = TEX_PAIRS) uniform usampler2D pairs_tex;
-layout(std430, binding = BUF_SUMS) buffer Sums { uint sums[]; };
 layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };  // next list entry of each cell
 layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
+layout(binding = IMG_1, rgba32ui) writeonly uniform uimage2D part_img;
 #if HAS_OPACITY
-layout(binding = IMG_1, r8) writeonly uniform image2D cell_opacity_img;
+layout(binding = IMG_2, r8) writeonly uniform image2D cell_opacity_img;
 #endif
 
 uniform uint pair_first;
@@ -43,20 +41,18 @@ void main()
     }
     uvec4 pair = texelFetch(pairs_tex, list_texel(pair_first + number), 0);
     Triangle triangle = fetch_triangle(pair.x);
-    uint index = pair.y;
     float area = uintBitsToFloat(pair.z);
-    vec3 inside = vec3(pair.w & 1023u, pair.w >> 10 & 1023u, pair.w >> 20) / 1023.0;
-    uint packed_position = texelFetch(cell_positions_tex, list_texel(index), 0).r;
-    vec3 cell = vec3(packed_position & 2047u, packed_position >> 11 & 2047u, packed_position >> 22);
+    vec3 inside = pair_centre(pair);
+    ivec3 cell = pair_cell(pair);
     vec3 normal = normalize(cross(triangle.edge_1, triangle.edge_2));
 
     vec2 barycentric;
     float distance;
-    intersect_plane(triangle, cell + inside + normal, -normal, barycentric, distance);
+    intersect_plane(triangle, vec3(cell) + inside + normal, -normal, barycentric, distance);
     barycentric = max(barycentric, 0.0);
     barycentric /= max(1.0, barycentric.x + barycentric.y);
-    // As seen from 57 degrees, where surfaces reflect about what they do on average over the hemisphere: the angle at which
-    // that holds is 60 degrees for a smooth dielectric and 53 for a rough one.
+    // As seen from 57 degrees, where surfaces reflect about what they do on average over the hemisphere: the angle at
+    // which that holds is 60 degrees for a smooth dielectric and 53 for a rough one.
     vec3 tangent, bitangent;
     basis(normal, tangent, bitangent);
     vec3 view = VIEW_COSINE * normal + sqrt(1.0 - VIEW_COSINE * VIEW_COSINE) * tangent;
@@ -68,31 +64,28 @@ void main()
     vec3 passed = surface.transparency + surface.glass_transmission * (1.0 - glass);
     float opacity = 1.0 - clamp(luminance(passed), 0.0, 1.0);
 
-    uint slot = atomicAdd(cursors[index], 1u);
+    uint slot = atomicAdd(cursors[cell_index(cell)], 1u);
     imageStore(cell_triangle_img, list_texel(slot), uvec4(pair.x));
 #if HAS_OPACITY
     imageStore(cell_opacity_img, list_texel(slot), vec4(opacity));
     area *= opacity;
 #endif
 
-    uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
     // As a Lambertian.
-    vec3 reflectance = surface.diffuse + glass + specular_directional_albedo(surface.specular_f0, surface.specular_f90,
-                                                                             surface.specular_ior, surface.roughness, VIEW_COSINE);
+    vec3 reflectance = surface.diffuse + glass;
+    reflectance += specular_directional_albedo(surface.specular_f0, surface.specular_f90, surface.specular_ior,
+                                               surface.roughness, VIEW_COSINE);
     reflectance += surface.coat * dielectric_reflectance(VIEW_COSINE, surface.coat_ior);
     reflectance = min(reflectance / max(opacity, 1e-3), 1.0);
-    // The cell has faces on this axis, unless two axes are equally near and were told apart otherwise there.
-    int axis = dominant_axis(normal);
-    for (int k = 0; k < 2 && !has_facing(record, uint(2 * axis)); ++k) {
-        axis = (axis + 1) % 3;
-    }
-    uint facing = uint(2 * axis) + (normal[axis] < 0.0 ? 1u : 0u);
-    uint at = face_index(record, facing) * FACE_SUM_WORDS;
-    uint random = hash(pair.x, packed_position);
-    atomicAdd(sums[at], fixed_point(area, random));
+    int axis = pair_axis(pair);
+    Part part;
+    part.facing = uint(2 * axis) + (normal[axis] < 0.0 ? 1u : 0u);
+    uint random = hash(pair.x, pair.y);
+    part.area = fixed_point(area, random);
     for (uint k = 0u; k < 3u; ++k) {
         random = hash(random);
-        atomicAdd(sums[at + 1u + k], fixed_point(area * reflectance[k], random));
-        atomicAdd(sums[at + 4u + k], fixed_point(area * inside[k], random << 5));
+        part.reflectance[k] = fixed_point(area * reflectance[k], random);
+        part.position[k] = fixed_point(area * inside[k], random << 5);
     }
+    imageStore(part_img, list_texel(slot), pack_part(part));
 }

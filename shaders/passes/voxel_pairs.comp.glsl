@@ -1,45 +1,43 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Write the pairs of triangle and cell, each batch from its own start; count the triangles of every occupied cell, and
-// note which ways its surfaces face: each by the axis its normal is nearest to, and both sides of it.
-// Input: work items, triangles, cell numbering, batch of each material.
-// Output: pairs (triangle, cell, area, centre in the cell); for each cell (triangle count, face mask).
+// Write down every pair of a triangle and a cell that it enters, and set the cell's bit.
+// Input: work items, triangles.    Output: pairs (see lib/part.glsl), how many, mask_img.
 
 #include "lib/overlap.glsl"
+#include "lib/part.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(std430, binding = BUF_WORK) readonly buffer Work { uvec2 work[]; };
-layout(std430, binding = BUF_MATERIALS) readonly buffer Batches { uint batch_of_material[]; };
-layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };  // next pair of each batch
-layout(std430, binding = BUF_SUMS) buffer Cells { uint cells[]; };
-layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D pair_img;
+layout(std430, binding = BUF_COUNTS) buffer Counters { uint counters[]; };  // pairs when a batch starts, and in the end
+layout(binding = IMG_0, r32ui) uniform uimage3D mask_img;  // two words a brick, side by side in x
+layout(binding = IMG_1, rgba32ui) writeonly uniform uimage2D pair_img;
 
+uniform uint work_first;
 uniform uint work_count;
-
-uint batch;
+uniform uint batch;
+uniform uint pair_capacity;  // what does not fit is counted all the same
 
 void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal)
 {
-    uint index = cell_index(cell);
-    if (index == NONE_INDEX) {
-        return;
+    uint bit = brick_bit(cell);
+    ivec3 brick = cell / BRICK;
+    ivec3 at = ivec3(2 * brick.x + int(bit >> 5), brick.yz);
+    uint value = 1u << (bit & 31u);
+    if ((imageLoad(mask_img, at).r & value) == 0u) {  // most are set already, and looking is cheaper
+        imageAtomicOr(mask_img, at, value);
     }
-    atomicAdd(cells[2u * index], 1u);
-    uint faces = 3u << uint(2 * dominant_axis(normal));
-    if ((cells[2u * index + 1u] & faces) != faces) {
-        atomicOr(cells[2u * index + 1u], faces);
+    uint number = atomicAdd(counters[batch], 1u);
+    if (number < pair_capacity) {
+        uvec4 pair = pack_pair(triangle_index, cell, area, centre_grid - vec3(cell), dominant_axis(normal));
+        imageStore(pair_img, list_texel(number), pair);
     }
-    uvec3 centre = uvec3(clamp(centre_grid - vec3(cell), 0.0, 1.0) * 1023.0 + 0.5);
-    uvec4 pair = uvec4(triangle_index, index, floatBitsToUint(area), centre.x | centre.y << 10 | centre.z << 20);
-    imageStore(pair_img, list_texel(atomicAdd(cursors[batch], 1u)), pair);
 }
 
 void main()
 {
     uint index = invocation_index();
     if (index < work_count) {
-        uvec2 item = work[index];
-        batch = batch_of_material[texelFetch(triangles_tex, triangle_texel(item.x), 0).w & 0xFFFFFFu];
+        uvec2 item = work[work_first + index];
         visit_cells(item.x, item.y);
     }
 }

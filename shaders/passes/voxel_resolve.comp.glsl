@@ -1,22 +1,33 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// From sums to faces: means, and the point of the surface that each face stands for.
-// Input: sums, cells with their positions, triangles.    Output: place_img, reflectance_img of the faces.
+// From parts to faces: sums and means, and the point of the surface that each face stands for. One thread for each axis
+// that a cell has faces on. Sums are integers: the order of a cell's list cannot show.
+// Input: parts and triangles of cells, cells with their positions.
+// Output: place_img, reflectance_img of the faces; order_img, the list of all faces facing by facing.
 
 #include "lib/grid.glsl"
 #include "lib/triangle.glsl"
 #include "lib/face.glsl"
+#include "lib/part.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
 layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
-layout(std430, binding = BUF_SUMS) readonly buffer Sums { uint sums[]; };
 layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
-layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cell | axis << 30
+layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
+layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cell | axis << 30, axis by axis
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
 layout(binding = IMG_1, rgba16) writeonly uniform image2D reflectance_img;
+layout(binding = IMG_2, r32ui) writeonly uniform uimage2D order_img;
 
 uniform uint work_count;
+uniform uvec3 axis_counts;  // work items of each axis
+
+struct Sums {
+    uint area;
+    uvec3 reflectance;
+    uvec3 position;
+};
 
 struct Face {
     vec3 position;
@@ -24,45 +35,86 @@ struct Face {
     vec4 reflectance;  // a: as stored
 };
 
-// What the surfaces that face this way bring; `total` is the sum of their weights, not 0.
-Face mean_face(uint face, uint facing, vec3 corner, float total)
+// Add a part where `mask` is all ones, nothing where it is 0.
+void add_part(inout Sums sums, Part part, uint mask)
+{
+    sums.area += part.area & mask;
+    sums.reflectance += part.reflectance & mask;
+    sums.position += part.position & mask;
+}
+
+// What the surfaces of a cell bring to the two facings of an axis.
+void sum_parts(uvec4 record, uint axis, out Sums plus, out Sums minus)
+{
+    plus = Sums(0u, uvec3(0u), uvec3(0u));
+    minus = plus;
+    for (uint k = record.x; k < record.x + record.y; ++k) {
+        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        uint to_plus = part.facing == 2u * axis ? 0xFFFFFFFFu : 0u;
+        uint to_minus = part.facing == 2u * axis + 1u ? 0xFFFFFFFFu : 0u;
+        add_part(plus, part, to_plus);
+        add_part(minus, part, to_minus);
+    }
+}
+
+// What the surfaces that face this way bring; of no use when there are none.
+Face mean_face(Sums sums, uint facing, vec3 corner)
 {
     Face result;
-    uint at = face * FACE_SUM_WORDS;
+    float total = float(sums.area);
     float inverse = 1.0 / total;
-    result.reflectance.rgb = vec3(sums[at + 1u], sums[at + 2u], sums[at + 3u]) * inverse;
+    result.reflectance.rgb = vec3(sums.reflectance) * inverse;
     result.reflectance.a = sqrt(min(total / (FIXED_ONE * MAX_FACE_WEIGHT), 1.0));
-    result.position = corner + vec3(sums[at + 4u], sums[at + 5u], sums[at + 6u]) * inverse;
+    result.position = corner + vec3(sums.position) * inverse;
     result.normal = facing_vector(facing);
     return result;
 }
 
-// The mean of curved or layered surfaces lies inside them: take the outermost surface of the cell in front of it or
-// behind it.
-void find_surface(inout Face face, uvec4 record, vec3 corner)
+// The surface of a cell that is outermost along a line.
+struct Outermost {
+    float height;     // above where the line starts
+    uint triangle;    // NONE_INDEX: the line meets nothing
+    vec3 face_cross;  // the triangle's normal, not unit
+};
+
+void consider(inout Outermost outermost, Face face, Triangle t, uint index, vec3 corner)
 {
-    vec3 outward = face.normal;
-    vec3 origin = face.position;
-    float height = -2.0;
-    uint highest = NONE_INDEX;
+    vec2 barycentric;
+    float distance;
+    bool crosses = intersect_plane(t, face.position, face.normal, barycentric, distance);
+    vec3 at = face.position + face.normal * distance - corner;
+    bool inside = min(barycentric.x, barycentric.y) >= 0.0 && barycentric.x + barycentric.y <= 1.0 &&
+                  all(greaterThan(at, vec3(-1e-3))) && all(lessThan(at, vec3(1.001)));
+    // Equal heights go to the lower index: the order of the cell's list must not show.
+    if (crosses && inside && (distance > outermost.height ||
+                              (distance == outermost.height && index < outermost.triangle))) {
+        outermost = Outermost(distance, index, cross(t.edge_1, t.edge_2));
+    }
+}
+
+void move_to(inout Face face, Outermost outermost)
+{
+    if (outermost.triangle != NONE_INDEX) {
+        vec3 n = normalize(outermost.face_cross);
+        face.position += face.normal * outermost.height;
+        face.normal = dot(n, face.normal) < 0.0 ? -n : n;
+    }
+}
+
+// The mean of curved or layered surfaces lies inside them: take the outermost surface of the cell in front of it or
+// behind it. (Both faces in one loop, though one is mostly not wanted: fetching the triangles is what takes time.)
+void find_surfaces(inout Face plus, inout Face minus, uvec4 record, vec3 corner)
+{
+    Outermost above = Outermost(-2.0, NONE_INDEX, vec3(0.0));
+    Outermost below = above;
     for (uint k = record.x; k < record.x + record.y; ++k) {
         uint index = texelFetch(cell_triangles_tex, list_texel(k), 0).r;
         Triangle t = fetch_triangle(index);
-        vec2 barycentric;
-        float distance;
-        bool crosses = intersect_plane(t, origin, outward, barycentric, distance);
-        vec3 at = origin + outward * distance - corner;
-        bool inside = min(barycentric.x, barycentric.y) >= 0.0 && barycentric.x + barycentric.y <= 1.0 &&
-                      all(greaterThan(at, vec3(-1e-3))) && all(lessThan(at, vec3(1.001)));
-        // Equal heights go to the lower index: the order of the cell's list must not show.
-        if (crosses && inside && (distance > height || (distance == height && index < highest))) {
-            height = distance;
-            highest = index;
-            vec3 n = normalize(cross(t.edge_1, t.edge_2));
-            face.normal = dot(n, outward) < 0.0 ? -n : n;
-            face.position = origin + outward * distance;
-        }
+        consider(above, plus, t, index, corner);
+        consider(below, minus, t, index, corner);
     }
+    move_to(plus, above);
+    move_to(minus, below);
 }
 
 void store(uint index, Face face)
@@ -78,25 +130,30 @@ void main()
         return;
     }
     uint index = work[number] & 0x3FFFFFFFu;
-    uint facing = 2u * (work[number] >> 30);
+    uint axis = work[number] >> 30;
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
-    uint packed_position = texelFetch(cell_positions_tex, list_texel(index), 0).r;
-    vec3 corner = vec3(packed_position & 2047u, packed_position >> 11 & 2047u, packed_position >> 22);
-    uint first = face_index(record, facing);
-    float totals[2] = float[2](float(sums[first * FACE_SUM_WORDS]), float(sums[(first + 1u) * FACE_SUM_WORDS]));
-    if (totals[0] == 0.0 && totals[1] == 0.0) {
-        totals[0] = 1.0;  // so little of a surface that it was rounded away: black, at the cell's corner
+    uint first = face_index(record, 2u * axis);
+    uint before = (axis > 0u ? axis_counts.x : 0u) + (axis > 1u ? axis_counts.y : 0u);
+    imageStore(order_img, list_texel(number + before), uvec4(first));
+    imageStore(order_img, list_texel(number + before + axis_counts[axis]), uvec4(first + 1u));
+
+    vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r));
+    Sums plus, minus;
+    sum_parts(record, axis, plus, minus);
+    if (plus.area == 0u && minus.area == 0u) {
+        plus.area = 1u;  // so little of a surface that it was rounded away: black, at the cell's corner
     }
-    uint begin = totals[0] > 0.0 ? 0u : 1u;
-    uint end = totals[1] > 0.0 ? 2u : 1u;
-    for (uint side = begin; side < end; ++side) {
-        Face face = mean_face(first + side, facing + side, corner, totals[side]);
-        find_surface(face, record, corner);
-        store(first + side, face);
-        if (end - begin == 1u) {
-            // The side that nothing was made for is the back of a sheet: the same surface, turned over.
-            face.normal = -face.normal;
-            store(first + 1u - side, face);
-        }
+    Face front = mean_face(plus, 2u * axis, corner);
+    Face back = mean_face(minus, 2u * axis + 1u, corner);
+    find_surfaces(front, back, record, corner);
+    // The side that nothing was made for is the back of a sheet: the same surface, turned over.
+    if (plus.area == 0u) {
+        front = back;
+        front.normal = -back.normal;
+    } else if (minus.area == 0u) {
+        back = front;
+        back.normal = -front.normal;
     }
+    store(first, front);
+    store(first + 1u, back);
 }

@@ -1,19 +1,22 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Cut the triangles into work items of about equal size.
-// COUNT: how many there are.    Otherwise: write them.
-// Input: triangles.    Output: counter, work items (triangle, item number).
+// Cut the triangles into work items of about equal size, batch by batch.
+// COUNT: how many items each batch has, and about how many pairs of triangle and cell there will be.
+// Otherwise: write the items, each batch from its own start.
+// Input: triangles, batch of each material.    Output: counters, work items (triangle, item number).
 
 #include "lib/overlap.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(std430, binding = BUF_COUNTS) buffer Counter { uint counter; };
+layout(std430, binding = BUF_MATERIALS) readonly buffer Batches { uint batch_of_material[]; };
+layout(std430, binding = BUF_COUNTS) buffer Counters { uint counters[]; };  // of each batch; last: the estimate of pairs
 #if !COUNT
 layout(std430, binding = BUF_WORK) writeonly buffer Work { uvec2 work[]; };
 #endif
 
 uniform uint triangle_count;
 uniform uint ray_mask;  // triangles that none of these rays sees are left out
+uniform uint batch_count;
 
 void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal) {}
 
@@ -31,8 +34,10 @@ void main()
     if (count == 0u) {
         return;
     }
-    uint first = atomicAdd(counter, count);
-#if !COUNT
+    uint first = atomicAdd(counters[batch_of_material[t.material]], count);
+#if COUNT
+    atomicAdd(counters[batch_count], min(expected_cells(t), 3u * uint(COLUMNS_PER_ITEM) * count));
+#else
     for (uint item = 0u; item < count; ++item) {
         work[first + item] = uvec2(index, item);
     }

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Which voxel cells are occupied, where they are, and where their lists start."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..gpu import interface
+
+_POPCOUNT = np.array([bin(value).count("1") for value in range(1 << 16)], np.uint8)
+#: Both facings of each axis, for each set of axes: a surface has two sides.
+_FACINGS = np.array([sum(3 << 2 * axis for axis in range(3) if axes >> axis & 1) for axes in range(8)], np.uint32)
+
+
+def popcount(words: np.ndarray) -> np.ndarray:
+    """Bits set in each uint64 of ``words``, same shape, int64."""
+    halves = np.ascontiguousarray(words).view(np.uint16).reshape(*words.shape, 4)
+    return _POPCOUNT[halves].sum(axis=-1, dtype=np.int64)
+
+
+def brick_distances(occupied: np.ndarray) -> np.ndarray:
+    """Chebyshev distance of each brick to the nearest occupied one, (z, y, x) bool -> uint8 (255: farther or none)."""
+    distance = np.where(occupied, 0, 255).astype(np.uint8)
+    reached = occupied.copy()
+    for step in range(1, 255):
+        if reached.all() or not reached.any():
+            break
+        for axis in range(3):
+            grown = reached.copy()
+            before = [slice(None)] * 3
+            after = [slice(None)] * 3
+            before[axis], after[axis] = slice(None, -1), slice(1, None)
+            grown[tuple(after)] |= reached[tuple(before)]
+            grown[tuple(before)] |= reached[tuple(after)]
+            reached = grown
+        distance[reached & (distance == 255)] = step
+    return distance
+
+
+def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:
+    """Positions of occupied cells in the order of their numbers, packed x | y << 11 | z << 22, (N,) uint32.
+
+    ``masks``: (B,) uint64, bricks in the order x fastest.
+    """
+    filled = np.flatnonzero(masks)
+    z, rest = np.divmod(filled, bricks[0] * bricks[1])
+    y, x = np.divmod(rest, bricks[0])
+    corners = ((x | y << 11 | z << 22) * interface.BRICK).astype(np.uint32)
+    bit = np.arange(64, dtype=np.uint32)
+    inside = bit & 3 | (bit >> 2 & 3) << 11 | bit >> 4 << 22
+    bits = np.unpackbits(np.ascontiguousarray(masks[filled]).view(np.uint8), bitorder="little")
+    index = np.flatnonzero(bits)
+    return corners[index >> 6] | inside[index & 63]
+
+
+def cell_records(counts: np.ndarray) -> np.ndarray:
+    """Records of cells as lib/grid.glsl describes them, (N, 4) uint32.
+
+    ``counts``: (N,) uint32, triangles of each cell, and above CELL_COUNT_BITS the axes that they face.
+    """
+    axes = counts >> interface.CELL_COUNT_BITS
+    triangles = counts & ((1 << interface.CELL_COUNT_BITS) - 1)
+    facings = _FACINGS[axes]
+    faces = _POPCOUNT[facings]
+    records = np.empty((len(counts), 4), np.uint32)
+    np.subtract(np.cumsum(triangles, dtype=np.uint32), triangles, out=records[:, 0])
+    records[:, 1] = triangles
+    np.subtract(np.cumsum(faces, dtype=np.uint32), faces, out=records[:, 2])
+    records[:, 3] = facings
+    return records
+
+
+def cell_axes(counts: np.ndarray) -> tuple[np.ndarray, tuple[int, int, int]]:
+    """Work of pass voxel_resolve: cell | axis << 30 for each axis that a cell has faces on, axis by axis; and how many
+    there are of each axis. ``counts`` as for ``cell_records``.
+    """
+    cells = [np.flatnonzero(counts & (1 << interface.CELL_COUNT_BITS + axis)) for axis in range(3)]
+    work = np.empty(sum(map(len, cells)), np.uint32)
+    first = 0
+    for axis, chosen in enumerate(cells):
+        np.bitwise_or(chosen, axis << 30, out=work[first : first + len(chosen)], casting="unsafe")
+        first += len(chosen)
+    return work, (len(cells[0]), len(cells[1]), len(cells[2]))

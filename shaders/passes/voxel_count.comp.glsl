@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Count the triangles of every occupied cell, and note which axes their normals are nearest to.
+// Input: pairs, cell numbering.    Output: for each cell triangles | axes << CELL_COUNT_BITS.
+
+#include "lib/grid.glsl"
+#include "lib/part.glsl"
+
+layout(local_size_x = GROUP_SIZE) in;
+
+layout(binding = TEX_PAIRS) uniform usampler2D pairs_tex;
+layout(std430, binding = BUF_COUNTS) buffer Cells { uint cells[]; };
+
+uniform uint pair_count;
+
+void main()
+{
+    uint number = invocation_index();
+    if (number >= pair_count) {
+        return;
+    }
+    uvec4 pair = texelFetch(pairs_tex, list_texel(number), 0);
+    uint index = cell_index(pair_cell(pair));
+    uint axis = 1u << uint(CELL_COUNT_BITS + pair_axis(pair));
+    if ((atomicAdd(cells[index], 1u) & axis) == 0u) {
+        atomicOr(cells[index], axis);
+    }
+}
