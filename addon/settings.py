@@ -359,7 +359,7 @@ class Settings:
 PRESETS: dict[str, dict[str, Any]] = {
     "draft": {"samples": 4, "bounces": 128, "bounce_rays": 4, "memory_budget": 16},
     "balanced": {},
-    "final": {"samples": 128, "noise_threshold": 0.003, "bounces": 1024, "bounce_rays": 16, "memory_budget": 256},
+    "final": {"samples": 128, "noise_threshold": 0.003, "bounces": 512, "bounce_rays": 16, "memory_budget": 256},
 }
 
 
