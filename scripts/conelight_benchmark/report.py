@@ -31,7 +31,7 @@ def write(folder: Path, store: Store, todo: Sequence[Plan], failures: Sequence[s
         shown = next((name for name in SHOWN if find(entry, name)), None)
         result = store.result(plan.scene, plan.stills[shown]) if shown else None
         if result is not None and reference is not None:
-            entry["pictures"].append(plots.pictures(folder, plan.scene.name, result.picture(), reference.full))
+            entry["pictures"].append(plots.pictures(folder, plan.scene.name, result.picture(), reference.full.mean))
     content = {
         "machine": machine(), "blender": blender_version(), "engine": code_digest(), "failures": list(failures),
         "scenes": scenes,
