@@ -348,7 +348,9 @@ _BYTES = {"f1": 1, "f2": 2, "f4": 4, "u1": 1, "u2": 2, "u4": 4, "i4": 4, "nu2": 
 
 def _bytes_of(data: np.ndarray | bytes) -> memoryview:
     """The bytes of ``data``, not copied when they lie one after another."""
-    return memoryview(data if isinstance(data, bytes) else np.ascontiguousarray(data).reshape(-1).view(np.uint8))
+    if isinstance(data, bytes):
+        return memoryview(data)
+    return np.ascontiguousarray(data).reshape(-1).view(np.uint8).data
 
 
 def _shader_message(source: Source, defines: Mapping[str, object], error: Exception) -> str:
