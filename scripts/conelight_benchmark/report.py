@@ -130,12 +130,12 @@ def _quality(scenes: Sequence[Row]) -> Iterator[str]:
 
 def _moving(scenes: Sequence[Row]) -> Iterator[str]:
     header = ("scene", "peer", "CPU s, all frames", "wall s", "relMSE", "bias", "flicker", "flicker, rms",
-              "first frame, CPU s", "first frame, relMSE", f"time, error, flicker / {MOVING_PEER}")
+              "first frame, CPU s", "first frame, relMSE", f"time, error, flicker rms / {MOVING_PEER}")
     rows = []
     for entry in scenes:
         target = find(entry, MOVING_PEER, "frames")
         for row in entry["frames"]:
-            ratios = [row[key] / target[key] for key in ("cpu_ms", "relative_mse", "flicker")] if target else []
+            ratios = [row[key] / target[key] for key in ("cpu_ms", "relative_mse", "flicker_rms")] if target else []
             rows.append((
                 entry["scene"], row["peer"], _seconds(row["cpu_ms"]), _seconds(row["wall_ms"]),
                 _error(row["relative_mse"]), _percent(row["bias"]), _error(row["flicker"]),
