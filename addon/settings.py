@@ -187,13 +187,13 @@ class Settings:
     )
     bounces: int = _setting(
         "Bounces",
-        64,
+        256,
         "Most times that light is passed between voxels before the picture gathers it; it stops sooner "
         "when nothing changes any more. 0: only what light reaches directly.",
         Panel.LIGHT,
         lo=0,
         hi=1024,
-        soft_hi=128,
+        soft_hi=256,
         cost="little: visibility is found once for all bounces",
     )
     bounce_rays: int = _setting(
@@ -357,9 +357,9 @@ class Settings:
 
 #: What each preset changes from the defaults.
 PRESETS: dict[str, dict[str, Any]] = {
-    "draft": {"samples": 4, "bounces": 16, "bounce_rays": 4, "memory_budget": 16},
+    "draft": {"samples": 4, "bounces": 128, "bounce_rays": 4, "memory_budget": 16},
     "balanced": {},
-    "final": {"samples": 128, "noise_threshold": 0.003, "bounces": 256, "bounce_rays": 16, "memory_budget": 256},
+    "final": {"samples": 128, "noise_threshold": 0.003, "bounces": 512, "bounce_rays": 16, "memory_budget": 256},
 }
 
 

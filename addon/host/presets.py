@@ -6,6 +6,7 @@ Which preset is chosen is not stored: it is read off the values, so it never dis
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from ..settings import PRESETS, preset
@@ -27,9 +28,14 @@ def matching_preset(values: Any) -> str:
     """The preset whose values the attributes of ``values`` have, or :data:`CUSTOM`."""
     for name in PRESETS:
         wanted = preset(name)
-        if all(getattr(values, setting) == getattr(wanted, setting) for setting in GOVERNED):
+        if all(_same(getattr(values, setting), getattr(wanted, setting)) for setting in GOVERNED):
             return name
     return CUSTOM
+
+
+def _same(stored: Any, wanted: Any) -> bool:
+    """Whether a value is the wanted one, as Blender stores it: in single precision."""
+    return math.isclose(stored, wanted, rel_tol=1e-6) if isinstance(wanted, float) else stored == wanted
 
 
 def apply_preset(values: Any, name: str) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The film: sums over passes of the picture and of every render pass that was asked for."""
+"""The film: means over passes of the picture and of every render pass that was asked for."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ OUTPUTS: dict[str, tuple[int, bool]] = {
 SPLIT_OUTPUTS = ("diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect")
 
 
-#: Outputs whose sums hold reflected light, and that are read divided by the sum of the colour: so their product with
+#: Outputs whose means hold reflected light, and that are read divided by the mean colour: so their product with
 #: the colour is exactly what is in the picture, also where a pixel shows several surfaces. As in Cycles.
 DIVIDED_BY_COLOR = ("diffuse_direct", "diffuse_indirect")
 
@@ -56,26 +56,26 @@ class PixelLight:
 
 
 class Film:
-    """Sums in float32, one picture for each output that was asked for."""
+    """Means in float32, one picture for each output that was asked for."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.samples = 0
-        self._weight = 0.0  # of all passes: see camera.filter_weights
+        self._weights = [0.0, 0.0]  # of all passes, and of every other one: see camera.filter_weights
         self.size = (0, 0)
-        self._sums: dict[str, moderngl.Texture] = {}
+        self._means: dict[str, moderngl.Texture] = {}
         self._value: moderngl.Texture | None = None  # of one output, in this pass
         self._convergence: Convergence | None = None
 
     @property
     def splits_light(self) -> bool:
         """Whether an output tells light straight from where it is made from light that was passed on."""
-        return any(name in self._sums for name in SPLIT_OUTPUTS)
+        return any(name in self._means for name in SPLIT_OUTPUTS)
 
     @property
     def names(self) -> list[str]:
         """Outputs that can be read."""
-        return list(self._sums)
+        return list(self._means)
 
     @property
     def active_tiles(self) -> ActiveTiles | None:
@@ -98,9 +98,9 @@ class Film:
         if asked & set(DIVIDED_BY_COLOR):
             asked.add("diffuse_color")
         wanted = [name for name in OUTPUTS if name in asked]
-        if size != self.size or wanted != list(self._sums):
+        if size != self.size or wanted != list(self._means):
             self.release()
-            self._sums = {name: self.gpu.texture("film", size, 4, "f4") for name in wanted}
+            self._means = {name: self.gpu.texture("film", size, 4, "f4") for name in wanted}
             self._value = self.gpu.texture("film", size, 4, "f4")
         if adaptive and self._convergence is not None:
             self._convergence.start()
@@ -110,50 +110,45 @@ class Film:
             self._convergence.release()
             self._convergence = None
         zeros = bytes(16 * size[0] * size[1])
-        for texture in self._sums.values():
+        for texture in self._means.values():
             texture.write(zeros)
         self.size = size
-        self.samples, self._weight = 0, 0.0
+        self.samples, self._weights = 0, [0.0, 0.0]
 
     def read(self, name: str) -> FloatArray:
         """(H, W, channels) float32, row 0 at the bottom, scene-linear, premultiplied. Raises KeyError."""
-        channels, averaged = OUTPUTS[name]
+        channels, _ = OUTPUTS[name]
         width, height = self.size
-        data = np.frombuffer(self._sums[name].read(), np.float32).reshape(height, width, 4)
+        data = np.frombuffer(self._means[name].read(), np.float32).reshape(height, width, 4)
         result = np.ascontiguousarray(data[..., :channels])
         if name in DIVIDED_BY_COLOR:
-            color = np.frombuffer(self._sums["diffuse_color"].read(), np.float32).reshape(height, width, 4)[..., :3]
+            color = np.frombuffer(self._means["diffuse_color"].read(), np.float32).reshape(height, width, 4)[..., :3]
             return np.divide(result, color, out=np.zeros_like(result), where=color > 0.0)
-        if not averaged:
-            return result
-        if self._convergence is None:
-            return result * np.float32(1.0 / (self._weight or 1.0))
-        weights = self._convergence.pixel_weights().astype(np.float32)[..., None]
-        return np.divide(result, weights, out=np.zeros_like(result), where=weights > 0.0)
+        return result
 
     def release(self) -> None:
         """Free everything."""
-        self.gpu.free(*self._sums.values(), self._value)
-        self._sums, self._value = {}, None
+        self.gpu.free(*self._means.values(), self._value)
+        self._means, self._value = {}, None
         self.size = (0, 0)
         if self._convergence is not None:
             self._convergence.release()
             self._convergence = None
 
     def add(self, frame: Frame, lit: LitVoxels, scene: SceneData, light: PixelLight) -> None:
-        """Add one pass to all sums."""
+        """Take one pass into all means."""
+        weight = math.prod(sum(filter_weights(place, scene.pixel_filter_width)) for place in frame.offset)
+        self._weights = [self._weights[0] + weight, self._weights[1] + (weight if self.samples % 2 == 0 else 0.0)]
         with self.gpu.timed("film"):
-            for name, picture in self._sums.items():
+            for name, picture in self._means.items():
                 if OUTPUTS[name][1]:
                     self._compose(name, self._value, frame, lit, scene, light)
                     self._accumulate(name, picture, frame, scene.pixel_filter_width)
                 elif self.samples == 0:
                     self._compose(name, picture, frame, lit, scene, light)
             self.samples += 1
-            weight = math.prod(sum(filter_weights(place, scene.pixel_filter_width)) for place in frame.offset)
-            self._weight += weight
             if self._convergence is not None:
-                self._convergence.add(self.samples, weight, self._sums["combined"], frame.settings.noise_threshold)
+                self._convergence.add(self.samples, self._means["combined"], frame.settings.noise_threshold)
 
     def _compose(
         self,
@@ -190,7 +185,7 @@ class Film:
         self.gpu.barrier()  # read as a texture, or read back
 
     def _accumulate(self, name: str, total: moderngl.Texture, frame: Frame, filter_width: float) -> None:
-        """Add what ``_compose`` left, filtered."""
+        """Take what ``_compose`` left into a mean, filtered."""
         slot, assembled = interface.slot, self._value
         assert assembled is not None
         half = None
@@ -206,9 +201,11 @@ class Film:
             half.bind_to_image(slot("IMG_1"), read=True, write=True)
         reach = filter_reach(filter_width)
         columns, rows = (filter_weights(place, filter_width) for place in frame.offset)
+        weight = sum(columns) * sum(rows)
         kernel.set(
-            picture_size=self.size, reach=reach, weights_x=columns, weights_y=rows,
-            pass_weight=sum(columns) * sum(rows),
+            picture_size=self.size, reach=reach, weights_x=columns, weights_y=rows, share=weight / self._weights[0]
         )  # fmt: skip
+        if half is not None:
+            kernel.set(half_share=weight / self._weights[1])
         kernel.run_tiles(*self.size)
         self.gpu.barrier()  # the next pass adds to it; the next output takes the value's place

@@ -16,7 +16,7 @@ FIRST_LOOK, LOOK_EVERY = 8, 4
 
 
 class Convergence:
-    """Owns the sum over every other pass, and knows how many passes each tile has had."""
+    """Owns the mean over every other pass, and knows how many passes each tile has had."""
 
     def __init__(self, gpu: GpuContext, size: tuple[int, int]) -> None:
         self.gpu = gpu
@@ -33,8 +33,6 @@ class Convergence:
         self.half.write(bytes(16 * self.size[0] * self.size[1]))
         columns, rows = self._tiles
         self._counts = np.zeros((rows, columns), np.int32)  # passes that each tile has had
-        self._weights = np.zeros((rows, columns))  # and their weights
-        self._weight, self._half_weight = 0.0, 0.0  # of the passes that active tiles have had
         self.noise = np.full((rows, columns), np.inf, np.float32)  # at the last look at each tile
         self._activate(np.ones((rows, columns), bool))
 
@@ -51,20 +49,16 @@ class Convergence:
         """Whether the next pass, after ``passes``, goes into ``half`` too."""
         return passes % 2 == 0
 
-    def add(self, passes: int, weight: float, total: moderngl.Texture, threshold: float) -> None:
-        """Count a pass, the ``passes``-th, that went into ``total``; now and then look which tiles need more."""
+    def add(self, passes: int, mean: moderngl.Texture, threshold: float) -> None:
+        """Count a pass, the ``passes``-th, that went into ``mean``; now and then look which tiles need more."""
         self._counts += self.active.mask
-        self._weights += weight * self.active.mask
-        self._weight += weight
-        if self.keeps_half(passes - 1):
-            self._half_weight += weight
         if passes < FIRST_LOOK or passes % LOOK_EVERY:
             return
         kernel = self.gpu.kernel("noise")
-        for picture, unit in ((total, "IMG_0"), (self.half, "IMG_1")):
+        for picture, unit in ((mean, "IMG_0"), (self.half, "IMG_1")):
             picture.bind_to_image(interface.slot(unit), read=True, write=False)
         self._noise.bind_to_image(interface.slot("IMG_2"), read=False, write=True)
-        kernel.set(picture_size=self.size, weights=(self._weight, self._half_weight), tile_count=self._tiles)
+        kernel.set(picture_size=self.size, tile_count=self._tiles)
         kernel.run_tiles(*self._tiles)
         self.gpu.barrier()  # read back
         found = np.frombuffer(self._noise.read(), np.float32).reshape(self.noise.shape)
@@ -79,15 +73,9 @@ class Convergence:
     @property
     def mean_samples(self) -> float:
         """Passes that a pixel has had, on average."""
-        return float(self._of_pixels(self._counts).mean())
-
-    def pixel_weights(self) -> np.ndarray:
-        """(H, W) float64: weight of the passes that each pixel has had."""
-        return self._of_pixels(self._weights)
-
-    def _of_pixels(self, of_tiles: np.ndarray) -> np.ndarray:
         tile = interface.TILE_SIZE
-        return of_tiles.repeat(tile, axis=0).repeat(tile, axis=1)[: self.size[1], : self.size[0]]
+        of_pixels = self._counts.repeat(tile, axis=0).repeat(tile, axis=1)
+        return float(of_pixels[: self.size[1], : self.size[0]].mean())
 
     def release(self) -> None:
         """Free everything."""

@@ -23,6 +23,8 @@ EMITTERS_PER_STEP = 1 << 16
 #: Parts of the edge of a triangle whose emission varies, at most, and parts of all of them together, about.
 MAX_DIVISION, MAX_PARTS = 64, 1 << 18
 
+#: Rays that leave surfaces.
+_FROM_SURFACES = RayVisibility.DIFFUSE | RayVisibility.GLOSSY | RayVisibility.TRANSMISSION
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
@@ -184,7 +186,7 @@ def _candidates(scene: SceneData, geometry: Geometry, materials: MaterialSet) ->
         mesh = scene.meshes[instance.mesh]
         before, first = first, first + len(mesh.triangle_vertices)
         of_slot = np.asarray(instance.materials)
-        if not instance.visibility & (RayVisibility.DIFFUSE | RayVisibility.GLOSSY) or not emits[of_slot].any():
+        if not instance.visibility & _FROM_SURFACES or not emits[of_slot].any():
             continue
         material = of_slot[mesh.triangle_slots]
         chosen = np.flatnonzero(emits[material])

@@ -91,6 +91,7 @@ class StandInFilm:
     """The red of a pixel is its column, the green its row from the bottom, in pixels of the picture."""
 
     names = ("combined", "depth", "normal", "diffuse_direct")
+    is_converged = False
 
     def __init__(self) -> None:
         self.samples = 0

@@ -66,6 +66,10 @@ void main()
     }
     light.w = nearness.x / max(nearness.y, 1.0);
 #if GLOSSY
+    // The eye is near too: from point to point it looks another way.
+    vec3 eye, view;
+    camera_ray(at, eye, view);
+    light.w += 1.0 / max(distance(eye, texelFetch(position_tex, at, 0).xyz), 1e-3);
     light /= vec4(specular_color(at), lobe_width(at));
 #endif
     imageStore(gathered_out, at, light);
