@@ -33,15 +33,18 @@ def write(path: str | os.PathLike[str], picture: Picture, *, half: bool = True) 
         raise OSError(f"picture '{path}' cannot be written: {buffer.geterror()}")
 
 
-def relative_mse(picture: Picture, reference: Picture, second: Picture | None = None) -> float:
+def relative_mse(
+    picture: Picture, reference: Picture, second: Picture | None = None, smooth: Picture | None = None
+) -> float:
     """Mean of (x - r)^2 / (r^2 + 0.01 mean(r)^2) over pixels and colour channels, the mean taken for each channel.
 
-    With a ``second`` reference, rendered independently, (x - a)(x - b) takes the place of the square, and r of the rest
-    is their mean: then noise of the references cancels. The result can be a little below 0.
+    With a ``second`` reference, rendered independently, (x - a)(x - b) takes the place of the square: then noise of the
+    references cancels, and the result can be a little below 0. ``smooth`` is like the references but without noise,
+    for the r below the line: where noise makes both dark, their errors would have the same sign, and weigh most.
     """
     x, a = picture[..., :3].astype(np.float64), reference[..., :3].astype(np.float64)
     b = a if second is None else second[..., :3].astype(np.float64)
-    r = 0.5 * (a + b)
+    r = 0.5 * (a + b) if smooth is None else smooth[..., :3].astype(np.float64)
     return float(((x - a) * (x - b) / (r**2 + 0.01 * r.mean(axis=(0, 1)) ** 2)).mean())
 
 

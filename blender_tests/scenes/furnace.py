@@ -17,8 +17,9 @@ def scene(albedo: float, size: float = 2.0, *, shape: str = "box", centre: build
     else:
         build.add_sphere("Furnace", size / 2, centre, wall, segments=64).data.flip_normals()
     x, y, z = centre
-    build.add_camera(
+    camera = build.add_camera(
         (x - 0.2 * size, y - 0.25 * size, z - 0.1 * size), (x + 0.5 * size, y + 0.5 * size, z + 0.1 * size), lens=18.0
-    ).data.clip_start = 1e-3 * size
+    )
+    camera.data.clip_start, camera.data.clip_end = 1e-3 * size, 10.0 * size
     result.render.resolution_x = result.render.resolution_y = 32
     return result

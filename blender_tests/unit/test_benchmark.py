@@ -50,10 +50,17 @@ def test_noise_of_two_halves_cancels() -> None:
     assert added == pytest.approx(0.5 * 0.001**2 / 1.01, rel=0.01)
 
 
+def test_much_noise_cancels_where_a_smooth_picture_weighs() -> None:
+    """A quarter of the pixels is dark by noise in both halves: their products are positive, and must not weigh more."""
+    a, b = flat(1.0) + 0.6 * stripes(0), flat(1.0) + 0.6 * stripes(1)
+    assert relative_mse(flat(1.0), a, b, flat(1.0)) == pytest.approx(0.0, abs=1e-6)
+    assert relative_mse(flat(1.0), a, b) > 0.1
+
+
 def test_noise_of_a_reference() -> None:
     """Independent noise of variance v in each half is v / 2 in their mean."""
-    halves = flat(1.0) + 0.01 * stripes(0), flat(1.0) + 0.01 * stripes(1)
-    assert measure.reference_noise(halves) == pytest.approx(0.5 * 0.01**2 / 1.01, rel=0.01)
+    answer = measure.Answer(flat(1.0) + 0.01 * stripes(0), flat(1.0) + 0.01 * stripes(1), flat(1.0))
+    assert measure.reference_noise(answer) == pytest.approx(0.5 * 0.01**2 / 1.01, rel=0.01)
 
 
 def test_median_error_ignores_black_and_outliers() -> None:
@@ -78,13 +85,16 @@ def test_flicker_is_what_changes() -> None:
     count = 8
     times = [1.0 - 2.0 * (i % 2) for i in range(count)]
     slow = [1.0 - 2.0 * (i // 2 % 2) for i in range(count)]
+    def answers(*halves: list[Picture]) -> list[measure.Answer]:
+        return [measure.Answer(a, b, a) for a, b in zip(*halves, strict=True)]
+
     still = [flat(2.0)] * count
-    assert measure.flicker([flat(2.3)] * count, (still, still)) == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert measure.flicker([flat(2.3)] * count, answers(still, still)) == pytest.approx((0.0, 0.0), abs=1e-6)
     expected = 0.1 * math.sqrt(count / (count - 1)) / 2.0
     moving = [flat(2.0 + 0.1 * t) for t in times]
-    assert measure.flicker(moving, (still, still)) == pytest.approx((expected, expected), rel=1e-4)
+    assert measure.flicker(moving, answers(still, still)) == pytest.approx((expected, expected), rel=1e-4)
     noisy = [flat(2.0 + 0.5 * t) for t in slow]
-    assert measure.flicker(moving, (noisy, still)) == pytest.approx((expected, expected), rel=1e-4)
+    assert measure.flicker(moving, answers(noisy, still)) == pytest.approx((expected, expected), rel=1e-4)
 
 
 def test_flip_knows_equal_pictures() -> None:
@@ -141,9 +151,9 @@ def test_plan_of_a_scene() -> None:
     assert not missing
     assert set(plan.stills) == {"conelight-draft", "cycles-4"}
     assert all(job.passes for job in plan.stills.values())
-    assert set(plan.reference) == {"a", "b"}  # lamps only: its own passes tell what is direct
+    assert set(plan.reference) == {"a", "b", "smooth"}  # lamps only: its own passes tell what is direct
     seeds = {job.seed for job in plan.reference.values()}
-    assert len(seeds) == 2 and not seeds & {job.seed for job in plan.stills.values()}
+    assert len(seeds) == 3 and not seeds & {job.seed for job in plan.stills.values()}
 
 
 def test_plan_with_lamps_and_sky_needs_the_lamps_alone() -> None:

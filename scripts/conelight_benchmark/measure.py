@@ -21,11 +21,33 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 @dataclass(frozen=True)
-class Reference:
-    """The path-traced answer in two independent halves, the whole picture and what of it is indirect light."""
+class Answer:
+    """A picture that is right, up to noise: two independent halves, and a denoised one that only weighs errors."""
 
-    full: tuple[Picture, Picture]
-    indirect: tuple[Picture, Picture] | None
+    a: Picture
+    b: Picture
+    smooth: Picture
+
+    @property
+    def mean(self) -> Picture:
+        return np.asarray(0.5 * (self.a + self.b), np.float32)
+
+    def minus(self, a: Picture, b: Picture) -> Answer:
+        """Without parts that the halves have."""
+        return Answer(self.a - a, self.b - b, np.maximum(self.smooth - 0.5 * (a + b), 0.0))
+
+    @classmethod
+    def of(cls, results: dict[str, Result], frame: int = 0) -> Answer:
+        """From the results of :func:`.peers.reference_jobs`."""
+        return cls(*(results[name].picture(frame=frame) for name in ("a", "b", "smooth")))
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The path-traced answer: the whole picture, and what of it is indirect light."""
+
+    full: Answer
+    indirect: Answer | None
     direct: Picture | None  # what is subtracted from a whole picture to get the indirect light
 
     @classmethod
@@ -36,16 +58,14 @@ class Reference:
         surfaces that glow is indirect, as it is gathered. Cycles' own passes count such light as direct, so where a
         scene has both, a render of lamps alone is subtracted instead.
         """
-        halves = [results[name] for name in ("a", "b")]
-        full = (halves[0].picture(), halves[1].picture())
+        full = Answer.of(results)
         if scene.measure != "indirect":
             return cls(full, None, None)
         if "direct" in results:
             parts = [results["direct"].picture()] * 2
         else:
-            parts = [_own_direct(scene, half) for half in halves]
-        indirect = (full[0] - parts[0], full[1] - parts[1])
-        return cls(full, indirect, np.asarray(0.5 * (parts[0] + parts[1]), np.float32))
+            parts = [_own_direct(scene, results[name]) for name in ("a", "b")]
+        return cls(full, full.minus(*parts), np.asarray(0.5 * (parts[0] + parts[1]), np.float32))
 
 
 def _own_direct(scene: BenchmarkScene, result: Result) -> Picture:
@@ -61,22 +81,20 @@ def indirect_of(scene: BenchmarkScene, job: Job, result: Result, reference: Refe
     return result.picture() - (_own_direct(scene, result) if split else reference.direct)
 
 
-def compare(picture: Picture, halves: tuple[Picture, Picture]) -> dict[str, float]:
-    """Error against a reference of two halves."""
-    mean = np.asarray(0.5 * (halves[0] + halves[1]), np.float32)
+def compare(picture: Picture, answer: Answer) -> dict[str, float]:
+    """Error of a picture."""
     return {
-        "relative_mse": relative_mse(picture, *halves),
-        "bias": bias(picture, mean),
-        "median_error": median_relative_error(picture, mean),
+        "relative_mse": relative_mse(picture, answer.a, answer.b, answer.smooth),
+        "bias": bias(picture, answer.mean),
+        "median_error": median_relative_error(picture, answer.mean),
     }
 
 
-def reference_noise(halves: tuple[Picture, Picture]) -> float:
+def reference_noise(answer: Answer) -> float:
     """Relative mean squared error that the mean of two halves has by noise: their difference has twice the variance of
     one, and four times that of the mean."""
-    a, b = halves
-    mean = np.asarray(0.5 * (a + b), np.float32)
-    return relative_mse(mean + 0.5 * (a - b), mean)
+    noise = 0.5 * (answer.a - answer.b)
+    return relative_mse(answer.smooth + noise, answer.smooth)
 
 
 def median_relative_error(picture: Picture, reference: Picture) -> float:
@@ -106,9 +124,7 @@ def leak(picture: Picture, irradiance: float) -> float:
     return float(picture.mean(dtype=np.float64) / irradiance)
 
 
-def flicker(
-    pictures: Sequence[Picture], references: tuple[Sequence[Picture], Sequence[Picture]]
-) -> tuple[float, float]:
+def flicker(pictures: Sequence[Picture], answers: Sequence[Answer]) -> tuple[float, float]:
     """Temporal standard deviation of x - r for each pixel and channel, over the mean of r: its mean over pixels, and
     the root of the mean of its square.
 
@@ -116,10 +132,11 @@ def flicker(
     negative, it counts as 0 in the first number. The second has no such bias.
     """
     x = np.stack(pictures).astype(np.float64)
-    a, b = (np.stack(half).astype(np.float64) for half in references)
+    a = np.stack([answer.a for answer in answers]).astype(np.float64)
+    b = np.stack([answer.b for answer in answers]).astype(np.float64)
     mean = float(0.5 * (a.mean() + b.mean()))
-    variance: npt.NDArray[np.float64] = _deviation(x - a) * _deviation(x - b)
-    variance = variance.sum(axis=0) / max(len(x) - 1, 1)
+    products: npt.NDArray[np.float64] = _deviation(x - a) * _deviation(x - b)
+    variance = products.sum(axis=0) / max(len(x) - 1, 1)
     return float(np.sqrt(np.maximum(variance, 0.0)).mean()) / mean, float(np.sqrt(max(variance.mean(), 0.0))) / mean
 
 

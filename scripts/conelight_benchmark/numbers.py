@@ -66,7 +66,7 @@ def _errors(
             row["judged"] = {"bias": measure.leak(picture, scene.irradiance)}
     else:
         row["full"] = measure.compare(picture, reference.full)
-        row["full"]["flip"] = measure.flip(picture, 0.5 * (reference.full[0] + reference.full[1]))
+        row["full"]["flip"] = measure.flip(picture, reference.full.mean)
         if reference.indirect is not None:
             own = measure.indirect_of(scene, job, result, reference)
             row["indirect"] = measure.compare(own, reference.indirect)
@@ -80,18 +80,19 @@ def _errors(
 
 
 def _sequences(plan: Plan, store: Store) -> Sequence[Row]:
-    halves = [store.result(plan.scene, job) for job in plan.sequence_reference.values()]
-    if not plan.sequences or not halves or None in halves:
+    results = {name: store.result(plan.scene, job) for name, job in plan.sequence_reference.items()}
+    complete = {name: result for name, result in results.items() if result is not None}
+    if not plan.sequences or len(complete) < len(results):
         return []
-    references = tuple([half.picture(frame=i) for i in range(half.info["frames"])] for half in halves if half)
+    answers = [measure.Answer.of(complete, frame) for frame in range(complete["a"].info["frames"])]
     rows = []
     for name, job in plan.sequences.items():
         result = store.result(plan.scene, job)
         if result is None:
             continue
-        pictures = [result.picture(frame=i) for i in range(job.frames)]
-        errors = [measure.compare(x, (a, b)) for x, a, b in zip(pictures, *references, strict=True)]
-        mean, rms = measure.flicker(pictures, references)  # type: ignore[arg-type]
+        pictures = [result.picture(frame=frame) for frame in range(job.frames)]
+        errors = [measure.compare(picture, answer) for picture, answer in zip(pictures, answers, strict=True)]
+        mean, rms = measure.flicker(pictures, answers)
         each = result.info["each"]
         rows.append({
             "peer": name, "frames": job.frames, "size": list(job.size), "cpu_ms": result.info["cpu_ms"],

@@ -65,14 +65,17 @@ ALONE = ("Conelight", "voxels", "kernels")
 QUICK = ("conelight-draft", "conelight-balanced", "cycles-1", "cycles-4", "cycles-16", "cycles-4-oidn-fast")
 SEQUENCE = ("conelight-draft", "conelight-balanced", "cycles-4", "cycles-4-oidn-fast")
 
-REFERENCE_SEEDS = (101, 102)  # no other render has them: noise of one must not be in another
+REFERENCE_SEEDS = (101, 102, 103)  # no other render has them: noise of one must not be in another
+SMOOTH_SHARE = 4  # one part in so many of a half's samples is enough where noise is removed
 
 
 def reference_jobs(scene: BenchmarkScene, size: tuple[int, int], samples: int) -> dict[str, Job]:
-    """The path-traced answer: two halves, and ``direct``, what lamps light, where a scene's own passes do not tell."""
-    passes = scene.measure == "indirect"
-    halves = [Job("cycles", size, samples, seed=seed, passes=passes, timed=False) for seed in REFERENCE_SEEDS]
-    jobs = dict(zip(("a", "b"), halves, strict=True))
-    if passes and scene.has_lamps and scene.has_surroundings:
-        jobs["direct"] = replace(halves[0], samples=samples, lamps_only=True, passes=False)
+    """The path-traced answer: two halves, ``smooth``, without noise, and ``direct``, what lamps light, where a scene's
+    own passes do not tell."""
+    half = Job("cycles", size, samples, seed=REFERENCE_SEEDS[0], passes=scene.measure == "indirect", timed=False)
+    jobs = {"a": half, "b": replace(half, seed=REFERENCE_SEEDS[1])}
+    jobs["smooth"] = replace(half, samples=max(samples // SMOOTH_SHARE, 1), seed=REFERENCE_SEEDS[2], passes=False,
+                             denoiser="default")
+    if half.passes and scene.has_lamps and scene.has_surroundings:
+        jobs["direct"] = replace(half, lamps_only=True, passes=False)
     return jobs

@@ -18,7 +18,7 @@ from .peers import PEERS, Peer
 
 @dataclass(frozen=True)
 class Plan:
-    """Everything to render of one scene, by the names of peers, and ``a``, ``b``, ``direct`` of a reference."""
+    """Everything to render of one scene, by the names of peers, and those of a reference's parts."""
 
     scene: BenchmarkScene
     reference: dict[str, Job] = field(default_factory=dict)
@@ -75,7 +75,7 @@ def _add_sequences(plan: Plan, everyone: Sequence[Peer], arguments: Arguments) -
         return replace(job, frames=catalogue.FRAMES, motion=MOTIONS[plan.scene.name], passes=False)
 
     halves = peers.reference_jobs(plan.scene, size, samples)
-    plan.sequence_reference.update({name: along(halves[name]) for name in ("a", "b")})
+    plan.sequence_reference.update({name: along(halves[name]) for name in ("a", "b", "smooth")})
     if "sequences" in arguments.only:
         chosen = [peer for peer in everyone if arguments.peers or peer.name in peers.SEQUENCE]
         plan.sequences.update({peer.name: along(peer.job(plan.scene, size)) for peer in chosen})

@@ -70,13 +70,12 @@ def _finish(folder: Path, figure: Figure, entry: Row, what: str) -> str:
     return name
 
 
-def pictures(folder: Path, scene: str, picture: Picture, halves: tuple[Picture, Picture]) -> str:
+def pictures(folder: Path, scene: str, picture: Picture, reference: Picture) -> str:
     """Writes picture, reference and their signed difference side by side; returns the file name.
 
     Exposure brings the reference's mean to middle grey. The difference is relative to the reference, and to its mean
     where it is dark: grey where they agree, white where the picture is brighter by its own size, black where darker.
     """
-    reference = np.asarray(0.5 * (halves[0] + halves[1]), np.float32)
     mean = max(float(reference.mean()), 1e-12)
     difference = (picture - reference) / (np.abs(reference) + 0.2 * mean)
     exposure = np.float32(MIDDLE_GREY / mean)

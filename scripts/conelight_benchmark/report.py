@@ -31,7 +31,7 @@ def write(folder: Path, store: Store, todo: Sequence[Plan], failures: Sequence[s
         shown = next((name for name in SHOWN if find(entry, name)), None)
         result = store.result(plan.scene, plan.stills[shown]) if shown else None
         if result is not None and reference is not None:
-            entry["pictures"].append(plots.pictures(folder, plan.scene.name, result.picture(), reference.full))
+            entry["pictures"].append(plots.pictures(folder, plan.scene.name, result.picture(), reference.full.mean))
     content = {
         "machine": machine(), "blender": blender_version(), "engine": code_digest(), "failures": list(failures),
         "scenes": scenes,
@@ -130,12 +130,12 @@ def _quality(scenes: Sequence[Row]) -> Iterator[str]:
 
 def _moving(scenes: Sequence[Row]) -> Iterator[str]:
     header = ("scene", "peer", "CPU s, all frames", "wall s", "relMSE", "bias", "flicker", "flicker, rms",
-              "first frame, CPU s", "first frame, relMSE", f"time, error, flicker / {MOVING_PEER}")
+              "first frame, CPU s", "first frame, relMSE", f"time, error, flicker rms / {MOVING_PEER}")
     rows = []
     for entry in scenes:
         target = find(entry, MOVING_PEER, "frames")
         for row in entry["frames"]:
-            ratios = [row[key] / target[key] for key in ("cpu_ms", "relative_mse", "flicker")] if target else []
+            ratios = [row[key] / target[key] for key in ("cpu_ms", "relative_mse", "flicker_rms")] if target else []
             rows.append((
                 entry["scene"], row["peer"], _seconds(row["cpu_ms"]), _seconds(row["wall_ms"]),
                 _error(row["relative_mse"]), _percent(row["bias"]), _error(row["flicker"]),

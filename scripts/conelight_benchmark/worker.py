@@ -69,7 +69,7 @@ def run(scene_file: Path, job: Job, folder: Path) -> None:
     scene.camera = scene.camera or next(thing for thing in scene.objects if thing.type == "CAMERA")
     scene.render.resolution_percentage = 100
     scene.render.use_sequencer = False
-    engine.prepare(scene, is_animation=job.frames > 0)
+    engine.prepare(scene, is_animation=False)  # a sequence keeps data only after the warm-up
     if job.engine == "cycles":
         _prepare_cycles(scene, job)
     _ask_for_passes(scene, job.passes and job.engine == "cycles")
