@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from typing import Any
 
@@ -18,24 +17,9 @@ from addon.gpu.program import Source
 SHADER_VARIANTS: dict[tuple[str, str], str] = {}
 
 
-#: Files with tests that give other answers on zink once many tests have run in one process, and the right ones alone:
-#: which side is at fault is not known yet. They are left out there.
-UNRELIABLE_ON_ZINK = (
-    "test_emitters.py",
-    "test_glass.py",
-    "test_pipeline.py",
-    "test_reflect.py",
-    "test_transport.py",
-)
-
-
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Tests about all shaders that were compiled come after the tests that compile them."""
     items.sort(key=lambda item: item.get_closest_marker("last") is not None)
-    if os.environ.get("MESA_LOADER_DRIVER_OVERRIDE") == "zink":
-        for item in items:
-            if item.path.name in UNRELIABLE_ON_ZINK:
-                item.add_marker(pytest.mark.skip(reason="on zink it depends on the tests before it"))
 
 
 def pytest_configure(config: pytest.Config) -> None:
