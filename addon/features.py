@@ -50,6 +50,7 @@ class Features:
     draws_emitters_at_pixels: bool
     gathers_emission: bool  # rays bring the emission that they meet
     reflects_emission: bool
+    keeps_light: bool  # passes or frames take over light at pixels from those before
 
     @classmethod
     def from_scene(
@@ -118,6 +119,7 @@ class Features:
             draws_emitters_at_pixels=draws_at_pixels,
             gathers_emission=gathers_emission,
             reflects_emission=reflects_emission,
+            keeps_light=gather and (settings.reuse_frames or settings.gather_interval > 1),
         )
 
     @property

@@ -2,7 +2,7 @@
 """The frame, top to bottom. One pipeline serves a viewport, an F12 render or a preview; it knows nothing of Blender.
 
     prepare: materials -> geometry -> emitters -> voxels -> lights -> injection -> links -> bounces (-> cones)
-    sample:  surfaces -> direct light -> gather -> reflections -> sharing -> film
+    sample:  surfaces -> direct light -> gather -> reflections -> sharing (-> light of earlier passes) -> film
 
 Each step of ``prepare`` is redone only when something it depends on has changed. Both are generators that yield between
 pieces of work of well under half a second, so that a caller can show progress and stop.
@@ -28,6 +28,7 @@ from .passes.emitters import EmitterTable
 from .passes.frame import Frame, LitVoxels
 from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
+from .passes.history import LightHistory
 from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass
 from .passes.reconstruct import ReconstructPass
@@ -108,6 +109,7 @@ class Pipeline:
             for name in ("gathered", "gathered_emitted", "reflected", "reflected_emitted")
         }
         self._reflect = ReflectPass(gpu)
+        self._history = LightHistory(gpu)
         self._scene: SceneData | None = None
         self._settings = Settings()
         self._size = (0, 0)
@@ -122,9 +124,12 @@ class Pipeline:
 
     # Voxels -----------------------------------------------------------------------------------------------------
 
-    def prepare(self, scene: SceneData, settings: Settings, size: tuple[int, int]) -> Iterator[Progress]:
+    def prepare(
+        self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool = False
+    ) -> Iterator[Progress]:
         """Bring voxels and light up to date for ``scene`` and start the film at zero, ``size`` pixels.
 
+        ``follows``: it is the next frame of an animation, and may take over light from the last one.
         Raises PipelineError, MemoryError, ShaderError. A generator that is not run to its end leaves no half-done step:
         the next call does that step again.
         """
@@ -225,14 +230,32 @@ class Pipeline:
             self._gather.release()
         if not features.has_glossy:
             self._reflect.release()
-        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0)
         self._camera = CameraRays.of(scene.camera, grid, size)
+        self._start_history(scene, settings, size, follows=follows)
+        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0)
         if self.gpu.mgl.error == "GL_OUT_OF_MEMORY":
             raise MemoryError(
                 "the graphics device has too little memory for this render: lower the voxel resolution, the resolution "
                 "or the sizes of images"
             )
         yield Progress(1.0, "Ready")
+
+    def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
+        """Light at pixels stays right while all but the camera stays."""
+        if self.features is None or not self.features.keeps_light:
+            self._history.forget()
+            self._history.release()
+            self._memo.forget("history")
+            return
+        inputs = (
+            scene.materials, scene.meshes, scene.instances, scene.lights, scene.world, size, self.grid,
+            tuple(vars(settings).values()),
+        )  # fmt: skip
+        continues = not self._memo.stale("history", *inputs) and follows and settings.reuse_frames
+        self._history.start(
+            self._camera, settings.samples, settings.gather_interval, self.film.samples, continues=continues
+        )
+        self._memo.done("history", *inputs)
 
     def _light_voxels(self, features: Features) -> Iterator[Progress]:
         settings, memo = self._settings, self._memo
@@ -274,21 +297,23 @@ class Pipeline:
             raise PipelineError("nothing was prepared to render")
         camera, index = self._camera, self.film.samples
         offset = pixel_offset(index, scene.pixel_filter_width)
+        sample = self._history.sample(index)
         surface = self._surface.pictures
         assert surface is not None
         surfaces = Surfaces(geometry, voxels, materials, self._materials)
-        for share in self._surface.run(surfaces, camera, offset, index, settings):
+        for share in self._surface.run(surfaces, camera, offset, sample, settings):
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, camera, offset, settings)
-        frame = Frame(index, camera, offset, surface, features, settings, self.film.active_tiles)
+        gather = self._history.gather(index)
+        frame = Frame(index, sample, gather, camera, offset, surface, features, settings, self.film.active_tiles)
         radiance = self._bounce.radiance[0] if features.needs_radiance else None
         lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones)
         splits = self.film.splits_light
         if features.has_direct:
             for share in self._direct.run(frame, lit):
                 yield Progress(0.2 + 0.2 * share, "Direct light")
-        if features.has_diffuse_gather:
+        if features.has_diffuse_gather and gather is not None:
             for share in self._gather.run(frame, lit, self._direct.diffuse, keeps_emitted=splits):
                 yield Progress(0.4 + 0.3 * share, "Indirect light")
         if features.has_glossy:
@@ -302,13 +327,22 @@ class Pipeline:
         }
         for number, (name, sharing) in enumerate(self._sharing.items()):
             light = lights[name]
+            found = gather if name.startswith("gathered") else frame
             is_smooth = features.gather_cones and name.startswith("gathered")
             if light is None or is_smooth or not features.has_reconstruction:
                 sharing.release()
                 continue
-            for share in sharing.run(frame, light):
-                yield Progress(0.9 + 0.1 * (number + share) / len(lights), "Sharing light")
+            if found is not None:
+                for share in sharing.run(frame, light, found.index):
+                    yield Progress(0.9 + 0.05 * (number + share) / len(lights), "Sharing light")
             lights[name] = sharing.shared
+        if features.keeps_light:
+            kept = [light for name, light in lights.items() if light is not None and name.startswith("gathered")]
+            for share in self._history.run(frame, kept):
+                yield Progress(0.95 + 0.02 * share, "Light of earlier passes")
+            if gather is None:
+                for share in self._gather.fill(frame, lit, kept):
+                    yield Progress(0.97 + 0.03 * share, "Indirect light")
         at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
         self.film.add(frame, lit, scene, at_pixels)
         yield Progress(1.0, "Pass done")
@@ -344,6 +378,7 @@ class Pipeline:
             self._gather,
             *self._sharing.values(),
             self._reflect,
+            self._history,
             self._cones,
             self._bounce,
             self._inject,

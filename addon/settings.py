@@ -133,6 +133,26 @@ class Settings:
         lo=0,
         hi=2**31 - 1,
     )
+    gather_interval: int = _setting(
+        "Gather Interval",
+        1,
+        "Diffuse light from around is gathered in one of so many samples; the others smooth edges and shadows, and "
+        "take over what was gathered.",
+        Panel.SAMPLING,
+        cost="time falls with it",
+        lo=1,
+        hi=64,
+        soft_hi=8,
+    )
+    reuse_frames: bool = _setting(
+        "Reuse Frames",
+        False,
+        "Frames of an animation in which only the camera moves take over diffuse light from the frame before, where it "
+        "saw the same surfaces, and gather less: quicker, with less noise and flicker. A frame then depends on those "
+        "rendered before it. Needs Persistent Data.",
+        Panel.SAMPLING,
+        cost="memory for pictures of light; time falls",
+    )
     noise_threshold: float = _setting(
         "Noise Threshold",
         0.0,
@@ -357,7 +377,14 @@ class Settings:
 
 #: What each preset changes from the defaults.
 PRESETS: dict[str, dict[str, Any]] = {
-    "draft": {"samples": 4, "bounces": 128, "bounce_rays": 4, "memory_budget": 16},
+    "draft": {
+        "samples": 8,
+        "gather_interval": 2,
+        "reuse_frames": True,
+        "bounces": 128,
+        "bounce_rays": 4,
+        "memory_budget": 16,
+    },
     "balanced": {},
     "final": {"samples": 128, "noise_threshold": 0.003, "bounces": 512, "bounce_rays": 16, "memory_budget": 256},
 }

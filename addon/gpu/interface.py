@@ -44,7 +44,7 @@ BUFFERS = (
     "BUF_POSITIONS",  # float[3 V]
     "BUF_MATERIALS",  # uint[]: slots of instances, or batch of each material; world parameters
     "BUF_WORK",  # work items, pixel lists
-    "BUF_SUMS",  # bins of pixels, arguments of dispatches
+    "BUF_RESULTS",  # what lists are made into: bins of pixels, arguments of dispatches, emitters
     "BUF_COUNTS",  # counters and cursors
 )
 
@@ -95,6 +95,9 @@ TEXTURE_ALIASES = {
     "TEX_REFLECTED": "TEX_CORNERS",
     "TEX_REFLECTED_EMITTED": "TEX_CELL_TRIANGLES",
     "TEX_VALUE": "TEX_TRIANGLES",
+    # Light of the last frame: its pictures take units one after the other.
+    "TEX_BEFORE_PLACE": "TEX_BRICKS",  # rgba32ui 2D, pixels: position (grid space), normal, passes
+    "TEX_BEFORE_0": "TEX_INSTANCES",
 }
 #: Material textures share units with what a step that evaluates materials never reads. GL promises sixteen units, so
 #: eight textures; more where the driver has more.

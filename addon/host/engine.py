@@ -112,7 +112,7 @@ class ConelightEngine(bpy.types.RenderEngine):
             last_update = time.perf_counter()
 
         border = session.pixel_border(scene.render, frame, size)
-        if not current.render(size, names, self._step, show, border):
+        if not current.render(size, names, self._step, show, border, is_animation=self.is_animation):
             return False
         if scene.render.use_multiview and not current.is_preview:
             session.add_warning("stereoscopy is not supported: every view shows the centre camera's picture")

@@ -30,6 +30,9 @@ last_error: str | None = None
 #: Hears of every step of a render (not of previews): fraction 0..1 done, and what is being done.
 progress_listener: Callable[[float, str], None] | None = None
 
+#: Renders so far, of one frame or of an animation.
+_renders = 0
+
 #: Called after every step: fraction 0..1 done, and what is being done. False cancels.
 Step = Callable[[float, str], bool]
 
@@ -50,7 +53,8 @@ class RenderCancelled(Exception):
 
 def begin_render() -> None:
     """Forgets what the last render left behind."""
-    global last_error, last_statistics
+    global last_error, last_statistics, _renders
+    _renders += 1
     last_error = None
     last_statistics = {}
 
@@ -101,6 +105,7 @@ class Session:
         self._extraction_ms = 0.0
         self._context: Any = None
         self._pipeline: Any = None
+        self._render_number = -1  # of the last picture
 
     def synchronize(
         self, depsgraph: Any, resolution: tuple[int, int], test_break: Callable[[], bool] = lambda: False
@@ -138,11 +143,14 @@ class Session:
         step: Step,
         after_sample: Callable[[int], None] | None = None,
         border: tuple[float, float, float, float] | None = None,
+        *,
+        is_animation: bool = False,
     ) -> bool:
         """Renders all samples of a picture of ``size`` pixels into :attr:`film`.
 
         ``wanted``: names of passes. ``border``: part of the frame that the picture shows (x0, y0, x1, y1 in 0..1,
-        origin bottom left), where it is not what the scene says. ``after_sample(samples)`` may read the film. Returns
+        origin bottom left), where it is not what the scene says. ``is_animation``: what this render's frame before has
+        found may be taken over. ``after_sample(samples)`` may read the film. Returns
         False when ``step`` cancelled. To be called on :attr:`thread`, as :meth:`release`; leaves the state of a GL
         context of Blender's as it was.
         Raises GpuUnavailable, PipelineError, and RenderFailed when there is no scene.
@@ -151,7 +159,7 @@ class Session:
             raise RenderFailed("There is no scene to render.")
         self._ensure_pipeline()
         with self._context.guard():
-            return self._render(self.scene, size, set(wanted), step, after_sample, border)
+            return self._render(self.scene, size, set(wanted), step, after_sample, border, is_animation)
 
     def _render(
         self,
@@ -161,12 +169,15 @@ class Session:
         step: Step,
         after_sample: Callable[[int], None] | None,
         border: tuple[float, float, float, float] | None,
+        is_animation: bool,
     ) -> bool:
         start = time.perf_counter()
         if border is not None and border != scene.camera.border:
             scene = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, border=border))
         self._pipeline.want(wanted)
-        for progress in self._pipeline.prepare(scene, self.settings, size):
+        follows = is_animation and self._render_number == _renders
+        self._render_number = _renders
+        for progress in self._pipeline.prepare(scene, self.settings, size, follows=follows):
             if not step(_PREPARATION_SHARE * progress.fraction, progress.text):
                 return False
 

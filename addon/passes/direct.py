@@ -59,7 +59,7 @@ class DirectPass:
             if features.draws_emitters_at_pixels:
                 lit.emitters.bind(kernel, PIXEL_SAMPLES)
                 kernel.set(
-                    gathered_rays=settings.rays if features.gathers_emission else 0,
+                    gathered_rays=settings.rays if features.gathers_emission and frame.gather else 0,
                     reflected_rays=1 if features.reflects_emission else 0,
                     max_distance=reach if reach > 0.0 else 1e30,
                     specular_aperture=settings.specular_aperture,
@@ -69,7 +69,7 @@ class DirectPass:
             if self.glossy is not None:
                 self.glossy.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
             kernel.set(
-                sample_index=frame.index,
+                sample_index=frame.sample,
                 random_seed=settings.seed,
                 use_shadows=settings.use_shadows,
                 shadow_amount=settings.shadow_amount,

@@ -117,7 +117,7 @@ class EmitterTable:
         geometry.bind(kernel)
         material_pass.bind(batch, kernel)
         work.bind_to_storage_buffer(interface.slot("BUF_WORK"))
-        made.bind_to_storage_buffer(interface.slot("BUF_SUMS"))
+        made.bind_to_storage_buffer(interface.slot("BUF_RESULTS"))
         kernel.set(work_count=len(rows))
         kernel.run_list(len(rows))
         material_pass.unbind(batch)

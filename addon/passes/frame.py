@@ -34,10 +34,20 @@ class ActiveTiles:
 
 
 @dataclass(frozen=True)
+class Gather:
+    """A pass in which diffuse light is gathered."""
+
+    index: int  # among those of this picture, from 0
+    sample: int  # the same, counted through frames that take over light: random sequences go on
+
+
+@dataclass(frozen=True)
 class Frame:
     """One pass over the picture: where it looks from, and what it sees."""
 
     index: int  # of this pass, from 0
+    sample: int  # the same, counted through frames that take over light
+    gather: Gather | None  # None: this pass looks up what others have gathered
     camera: CameraRays
     offset: tuple[float, float]  # where in each pixel it samples
     surface: SurfacePictures
@@ -95,7 +105,7 @@ def run_tiles(
 ) -> Iterator[float]:
     """Run ``kernel`` over the picture, part by part; ``rays``: how many it traces for a pixel. Yields the share done.
 
-    Parts without an active tile are left out. The kernel asks ``is_active`` (lib/pixel.glsl) for each pixel.
+    Parts without an active tile are left out. The kernel asks ``is_active`` (lib/tiles.glsl) for each pixel.
     """
     tile, size = interface.TILE_SIZE, frame.size
     side = max(tile, int((RAYS_PER_STEP / max(rays, 1)) ** 0.5) // tile * tile)

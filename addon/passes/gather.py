@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import moderngl
 
 from ..gpu import interface
 from ..gpu.context import GpuContext
 from .emitters import PIXEL_SAMPLES
-from .frame import Frame, LitVoxels, run_tiles
+from .frame import Frame, Gather, LitVoxels, run_tiles
 
 
 class GatherPass:
@@ -41,9 +41,30 @@ class GatherPass:
         ``direct``: where points on emitters were drawn, the diffuse picture of pass ``direct``, to which rays add what
         they find of them.
         """
+        assert frame.gather is not None
+        self.allocate(frame.size, emitted=keeps_emitted, nearness=frame.features.has_reconstruction)
+        assert self.incoming is not None
+        yield from self._trace(frame, lit, frame.gather, [self.incoming, self.emitted], direct)
+
+    def fill(self, frame: Frame, lit: LitVoxels, lights: Sequence[moderngl.Texture]) -> Iterator[float]:
+        """Gather for the pixels where w of ``lights`` (incoming and perhaps emitted) is negative. Yields the share done."""
+        incoming, emitted = (*lights, None)[:2]
+        assert incoming is not None
+        yield from self._trace(frame, lit, None, [incoming, emitted], None)
+
+    def _trace(
+        self,
+        frame: Frame,
+        lit: LitVoxels,
+        gather: Gather | None,  # None: it fills
+        pictures: Sequence[moderngl.Texture | None],
+        direct: moderngl.Texture | None,
+    ) -> Iterator[float]:
         features, settings = frame.features, frame.settings
+        incoming, emitted = pictures
+        assert incoming is not None
+        fills = gather is None
         glow_is_direct = features.gathers_emission and features.draws_emitters_at_pixels
-        self.allocate(frame.size, emitted=keeps_emitted, nearness=features.has_reconstruction)
         kernel = self.gpu.kernel(
             "gather",
             frame.defines
@@ -54,8 +75,9 @@ class GatherPass:
                 "GATHER_OCCLUSION": features.gather_occlusion,
                 "HAS_EMITTERS": features.gathers_emission,
                 "GLOW_IS_DIRECT": glow_is_direct,
-                "KEEPS_EMITTED": keeps_emitted,
-                "KEEPS_NEARNESS": features.has_reconstruction,
+                "KEEPS_EMITTED": emitted is not None,
+                "KEEPS_NEARNESS": features.has_reconstruction and not fills,
+                "FILLS": fills,
             },
         )
         limit = settings.ao_distance if features.gather_occlusion else settings.max_distance
@@ -65,22 +87,23 @@ class GatherPass:
             frame.bind(kernel)
             if features.gather_cones:
                 lit.cones.bind(kernel)
-            assert self.incoming is not None
-            self.incoming.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
-            if self.emitted is not None:
-                self.emitted.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
-            if self._nearness is not None:
-                self._nearness.bind_to_image(interface.slot("IMG_2"), read=True, write=True)
+            incoming.bind_to_image(interface.slot("IMG_0"), read=fills, write=True)
+            if emitted is not None:
+                emitted.bind_to_image(interface.slot("IMG_1"), read=False, write=True)
             if features.gathers_emission:
                 lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
                 # Emission is direct light: what multiplies this picture later is divided out.
                 amount = 1.0 if glow_is_direct else settings.direct_amount / settings.indirect_amount
                 kernel.set(emission_amount=amount)
-            if glow_is_direct:
-                assert direct is not None
-                direct.bind_to_image(interface.slot("IMG_3"), read=True, write=True)
+            if gather is not None:
+                if self._nearness is not None:
+                    self._nearness.bind_to_image(interface.slot("IMG_2"), read=True, write=True)
+                    kernel.set(pass_index=gather.index)
+                if glow_is_direct:
+                    assert direct is not None
+                    direct.bind_to_image(interface.slot("IMG_3"), read=True, write=True)
             kernel.set(
-                sample_index=frame.index,
+                sample_index=frame.sample if gather is None else gather.sample,
                 ray_count=settings.rays,
                 random_seed=settings.seed,
                 max_distance=limit / lit.voxels.grid.cell_size if limit > 0.0 else 1e30,

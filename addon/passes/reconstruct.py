@@ -38,21 +38,23 @@ class ReconstructPass:
         """What ``run`` was given last, shared; None: nothing was."""
         return self._pictures[0] if self._pictures else None
 
-    def run(self, frame: Frame, light: moderngl.Texture) -> Iterator[float]:
-        """Share ``light`` (w: mean of 1 / distance to what it comes from, 1/cells). Yields the share done."""
+    def run(self, frame: Frame, light: moderngl.Texture, index: int) -> Iterator[float]:
+        """Share ``light`` (w: mean of 1 / distance to what it comes from, 1/cells), found ``index`` times before.
+
+        Yields the share done."""
         if self._size != frame.size:
             self.release()
             self._pictures = [self.gpu.texture("shared light", frame.size, 4, "f4") for _ in range(2)]
             self._size = frame.size
         steps = [(0, 0), *((1, level) for level in range(LEVELS - 1)), (2, LEVELS - 1)]
         for done, (step, level) in enumerate(steps):
-            for share in self._step(frame, light, step, level):
+            for share in self._step(frame, light, index, step, level):
                 yield (done + share) / len(steps)
             self._pictures.reverse()
             light = self._pictures[0]
 
-    def _step(self, frame: Frame, light: moderngl.Texture, step: int, level: int) -> Iterator[float]:
-        shrunk = (1.0 + frame.index) ** -SHRINKING
+    def _step(self, frame: Frame, light: moderngl.Texture, index: int, step: int, level: int) -> Iterator[float]:
+        shrunk = (1.0 + index) ** -SHRINKING
         kernel = self.gpu.kernel("reconstruct", frame.defines | {"GLOSSY": self.glossy, "STEP": step})
 
         def bind() -> None:

@@ -127,7 +127,7 @@ class ReflectPass:
                 lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
                 kernel.set(emission_amount=settings.direct_amount)
             kernel.set(
-                sample_index=frame.index,
+                sample_index=frame.sample,
                 random_seed=settings.seed,
                 max_distance=limit / lit.voxels.grid.cell_size if limit > 0.0 else 1e30,
                 specular_aperture=settings.specular_aperture,
@@ -142,7 +142,7 @@ class ReflectPass:
     ) -> Iterator[float]:
         """Light that leaves the surfaces that were met, as if the camera saw them; all but what they reflect."""
         features, settings, slot = frame.features, frame.settings, interface.slot
-        yield from surface_pass.shade(surfaces, frame.surface, frame.camera, frame.offset, frame.index, settings)
+        yield from surface_pass.shade(surfaces, frame.surface, frame.camera, frame.offset, frame.sample, settings)
         if features.has_direct:
             yield from self._direct.run(frame, lit)
         if features.has_diffuse_gather:
@@ -204,5 +204,5 @@ def _layer_frame(frame: Frame, layer: SurfacePictures, number: int) -> Frame:
     stride = (0x9E3779B1 * (2 * number + 1)) & 0xFFFFFFFF
     settings = frame.settings.with_values(rays=1, seed=(frame.settings.seed + 0x632BE5AB * number) & 0x7FFFFFFF)
     features = dataclasses.replace(frame.features, has_reconstruction=False)
-    index = (frame.index * stride) & 0xFFFFFFFF
+    index = (frame.sample * stride) & 0xFFFFFFFF
     return dataclasses.replace(frame, surface=layer, settings=settings, features=features, index=index)

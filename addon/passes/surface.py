@@ -233,7 +233,7 @@ class SurfacePass:
             )
             pictures.bind_images()
             self._pixels.bind_to_storage_buffer(slot("BUF_WORK"))
-            self._bins.bind_to_storage_buffer(slot("BUF_SUMS"))
+            self._bins.bind_to_storage_buffer(slot("BUF_RESULTS"))
             surfaces.geometry.bind(kernel)
             material_pass.bind(batch, kernel)
             kernel.set(
@@ -262,7 +262,7 @@ class SurfacePass:
             surfaces.geometry.triangles.use(slot("TEX_TRIANGLES"))
             materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
             self._counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
-            self._bins.bind_to_storage_buffer(slot("BUF_SUMS"))
+            self._bins.bind_to_storage_buffer(slot("BUF_RESULTS"))
             self._pixels.bind_to_storage_buffer(slot("BUF_WORK"))
             pictures.seen.bind_to_image(slot("IMG_0"), read=True, write=False)
             if step == 1:

@@ -35,13 +35,13 @@ test_kernel.__test__ = False  # type: ignore[attr-defined]  a helper, whatever i
 def map_list(gpu: GpuContext, kernel: Kernel, inputs: np.ndarray, columns: int, **uniforms: Any) -> np.ndarray:
     """Run a test shader over rows of vec4 (``inputs``: (N, 4 k) float32); (N, columns) float32 of what it wrote.
 
-    The shader reads BUF_WORK and writes BUF_SUMS, both arrays of vec4, and asks for ``count``.
+    The shader reads BUF_WORK and writes BUF_RESULTS, both arrays of vec4, and asks for ``count``.
     """
     inputs = np.ascontiguousarray(inputs, np.float32)
     given = gpu.buffer("test input", inputs)
     made = gpu.buffer("test output", size=4 * columns * len(inputs))
     given.bind_to_storage_buffer(interface.slot("BUF_WORK"))
-    made.bind_to_storage_buffer(interface.slot("BUF_SUMS"))
+    made.bind_to_storage_buffer(interface.slot("BUF_RESULTS"))
     kernel.set(count=len(inputs), **uniforms)
     kernel.run_list(len(inputs))
     gpu.barrier()  # read back

@@ -45,7 +45,7 @@ def test_struct_layout(struct: interface.Struct, gpu: GpuContext) -> None:
     given = gpu.buffer("test input", records)
     made = gpu.buffer("test output", size=4 * 3 * len(parts))
     given.bind_to_storage_buffer(interface.slot("BUF_WORK"))
-    made.bind_to_storage_buffer(interface.slot("BUF_SUMS"))
+    made.bind_to_storage_buffer(interface.slot("BUF_RESULTS"))
     kernel.set(count=3)
     kernel.run_list(3)
     gpu.barrier()  # read back
@@ -63,7 +63,7 @@ def test_long_lists_reach_every_item(gpu: GpuContext) -> None:
     given = gpu.buffer("test input", np.ones(count, np.uint32))
     made = gpu.buffer("test output", size=4 * count)
     given.bind_to_storage_buffer(interface.slot("BUF_WORK"))
-    made.bind_to_storage_buffer(interface.slot("BUF_SUMS"))
+    made.bind_to_storage_buffer(interface.slot("BUF_RESULTS"))
     kernel.set(count=count)
     kernel.run_list(count)
     gpu.barrier()  # read back

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.gpu.context import GpuContext
-from addon.passes.frame import Frame
+from addon.passes.frame import Frame, Gather
 from addon.passes.reconstruct import ReconstructPass
 from addon.pipeline import Pipeline
 from addon.scene import SceneData
@@ -21,12 +21,12 @@ def shared(ready: Pipeline, light: np.ndarray, *, index: int = 0, glossy: bool =
     """``light`` ((H, W, 4) float32; w: nearness) as pixels share it in pass ``index``."""
     surface, features = ready._surface.pictures, ready.features
     assert surface is not None and features is not None
-    frame = Frame(index, ready._camera, (0.5, 0.5), surface, features, scenes.settings(16))
+    frame = Frame(index, index, Gather(index, index), ready._camera, (0.5, 0.5), surface, features, scenes.settings(16))
     source = ready.gpu.texture("light", SIZE, 4, "f4")
     source.write(np.ascontiguousarray(light, np.float32).tobytes())
     sharing = ReconstructPass(ready.gpu, glossy=glossy)
     try:
-        for _ in sharing.run(frame, source):
+        for _ in sharing.run(frame, source, index):
             pass
         assert sharing.shared is not None
         return np.frombuffer(sharing.shared.read(), np.float32).reshape(SIZE[1], SIZE[0], 4)[..., :3].copy()

@@ -23,8 +23,8 @@ TESTS = os.path.join(ROOT, "blender_tests")
 WORKER = os.path.join(ROOT, "scripts", "conelight_test", "worker.py")
 PROCESS_LIMIT = 1500.0  # seconds; a process that takes longer hangs
 
-#: Environment of a second GL implementation: OpenGL by zink on Vulkan by lavapipe, both of Mesa. On the CPU zink compiles
-#: uniforms that bound loops into programs, and then runs programs compiled for other values (seen in Mesa 22.3).
+#: Environment of a second GL implementation: OpenGL by zink on Vulkan by lavapipe, both of Mesa. On the CPU zink
+#: compiles uniforms that bound loops into programs, and then runs programs compiled for other values (Mesa 22.3).
 ZINK = {"LIBGL_ALWAYS_SOFTWARE": "1", "MESA_LOADER_DRIVER_OVERRIDE": "zink", "ZINK_INLINE_UNIFORMS": "0"}
 
 NO_TESTS = 5  # pytest's exit status when it found none

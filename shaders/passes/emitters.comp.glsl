@@ -8,7 +8,7 @@
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(std430, binding = BUF_WORK) readonly buffer Work { uvec4 work[]; };  // triangle, part, parts of an edge
-layout(std430, binding = BUF_SUMS) writeonly buffer Emitters { Emitter emitters[]; };
+layout(std430, binding = BUF_RESULTS) writeonly buffer Emitters { Emitter emitters[]; };
 
 uniform uint work_count;
 

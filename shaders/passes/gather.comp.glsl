@@ -5,6 +5,7 @@
 // KEEPS_EMITTED: emitted_out: what of it comes straight from the world or an emitter.
 // GLOW_IS_DIRECT: diffuse_img of pass `direct`, to which what comes straight from emitters is added: points drawn there
 // have brought the rest of it, it is as sharp as direct light, and is not shared between pixels.
+// FILLS: only for pixels whose light has a negative w; direct light has brought what GLOW_IS_DIRECT is about.
 // KEEPS_NEARNESS: nearness_img: sum over passes of the mean of 1 / distance, 1/cells; w of incoming_out: its mean.
 
 #include "lib/incoming.glsl"
@@ -17,12 +18,16 @@
 
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 
+#if FILLS
+layout(binding = IMG_0, rgba32f) uniform image2D incoming_out;
+#else
 layout(binding = IMG_0, rgba32f) writeonly uniform image2D incoming_out;
+#endif
 #if KEEPS_EMITTED
 layout(binding = IMG_1, rgba32f) writeonly uniform image2D emitted_out;
 #endif
 
-#if GLOW_IS_DIRECT
+#if GLOW_IS_DIRECT && !FILLS
 layout(binding = IMG_3, rgba32f) uniform image2D diffuse_img;
 #endif
 #if KEEPS_NEARNESS
@@ -30,7 +35,10 @@ layout(binding = IMG_2, r32f) uniform image2D nearness_img;
 #endif
 
 uniform ivec2 tile_first;
-uniform uint sample_index;
+uniform uint sample_index;       // of gathers, counted through frames that take over light
+#if KEEPS_NEARNESS
+uniform uint pass_index;         // of gathers of this picture
+#endif
 uniform uint ray_count;          // directions in this pass
 uniform uint random_seed;
 
@@ -40,6 +48,11 @@ void main()
     if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
+#if FILLS
+    if (imageLoad(incoming_out, at).w >= 0.0) {
+        return;
+    }
+#endif
     Pixel p = fetch_pixel(at);
     vec3 bounced = vec3(0.0);
     vec3 emitted = vec3(0.0);
@@ -76,15 +89,17 @@ void main()
         nearness *= share;
 #endif
     }
-#if GLOW_IS_DIRECT
+#if GLOW_IS_DIRECT && FILLS
+    // is in the direct light already
+#elif GLOW_IS_DIRECT
     imageStore(diffuse_img, at, imageLoad(diffuse_img, at) + vec4(finite_or_zero(glow), 0.0));
 #else
     emitted += glow;
 #endif
 #if KEEPS_NEARNESS
-    nearness += sample_index > 0u ? imageLoad(nearness_img, at).r : 0.0;
+    nearness += pass_index > 0u ? imageLoad(nearness_img, at).r : 0.0;
     imageStore(nearness_img, at, vec4(nearness));
-    nearness /= float(sample_index + 1u);
+    nearness /= float(pass_index + 1u);
 #endif
     imageStore(incoming_out, at, vec4(finite_or_zero(bounced + emitted), nearness));
 #if KEEPS_EMITTED

@@ -14,7 +14,7 @@ layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 layout(std430, binding = BUF_MATERIALS) readonly buffer Batches { uint batch_of_material[]; };
 layout(std430, binding = BUF_COUNTS) buffer Counters { uint counters[]; };  // for each batch: cursor
 // For each batch: groups x y z of the dispatch, first entry, count.
-layout(std430, binding = BUF_SUMS) buffer Bins { uint bins[]; };
+layout(std430, binding = BUF_RESULTS) buffer Bins { uint bins[]; };
 layout(std430, binding = BUF_WORK) writeonly buffer Pixels { uint pixels[]; };
 layout(binding = IMG_0, r32ui) readonly uniform uimage2D seen_img;
 

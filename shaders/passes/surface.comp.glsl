@@ -13,7 +13,7 @@
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(std430, binding = BUF_WORK) readonly buffer Pixels { uint pixels[]; };
-layout(std430, binding = BUF_SUMS) readonly buffer Bins { uint bins[]; };
+layout(std430, binding = BUF_RESULTS) readonly buffer Bins { uint bins[]; };
 layout(binding = IMG_0, r32ui) uniform uimage2D seen_img;
 layout(binding = IMG_1, rgba32f) writeonly uniform image2D position_img;
 layout(binding = IMG_2, rgba16) writeonly uniform image2D normal_img;

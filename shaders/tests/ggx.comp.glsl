@@ -10,7 +10,7 @@
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(std430, binding = BUF_WORK) readonly buffer Inputs { vec4 inputs[]; };
-layout(std430, binding = BUF_SUMS) writeonly buffer Results { vec4 results[]; };
+layout(std430, binding = BUF_RESULTS) writeonly buffer Results { vec4 results[]; };
 
 uniform uint count;
 

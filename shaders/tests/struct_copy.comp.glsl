@@ -7,7 +7,7 @@
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(std430, binding = BUF_WORK) readonly buffer Records { STRUCT records[]; };
-layout(std430, binding = BUF_SUMS) writeonly buffer Copied { uint copied[]; };
+layout(std430, binding = BUF_RESULTS) writeonly buffer Copied { uint copied[]; };
 
 uniform uint count;
 

@@ -7,7 +7,7 @@
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(std430, binding = BUF_WORK) readonly buffer Rays { vec4 rays[]; };
-layout(std430, binding = BUF_SUMS) writeonly buffer Results { vec4 results[]; };
+layout(std430, binding = BUF_RESULTS) writeonly buffer Results { vec4 results[]; };
 
 uniform uint count;
 uniform uint ray_mask;

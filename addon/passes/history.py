@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Diffuse light at pixels that passes take over from those before, and frames from the frames before."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import moderngl
+import numpy as np
+
+from ..camera import CameraRays
+from ..gpu import interface
+from ..gpu.context import GpuContext
+from .frame import Frame, Gather, run_tiles
+
+#: A frame that takes over light gathers in one of so many passes in which it would gather otherwise ...
+CONTINUED = 4
+#: ... and what it takes over counts as so many frames, at most: noise falls to one in root of 2 LONGEST + 1, and what
+#: is looked up between pixels again and again is blurred the more.
+LONGEST = 12
+#: What a pixel of a pass costs, in rays.
+COST = 1
+
+
+class _Record:
+    """What one frame has found: means of each kind of light, and the surfaces they belong to."""
+
+    def __init__(self, gpu: GpuContext, size: tuple[int, int], kinds: int) -> None:
+        self.means = [gpu.texture("light of frames", size, 4, "f4") for _ in range(kinds)]
+        self.place = gpu.texture("light of frames", size, 4, "u4")
+
+    def release(self, gpu: GpuContext) -> None:
+        gpu.free(*self.means, self.place)
+
+
+class LightHistory:
+    """Owns the light of this frame and of the last one, and says which passes gather."""
+
+    def __init__(self, gpu: GpuContext) -> None:
+        self.gpu = gpu
+        self._records: list[_Record] = []  # this frame's, the last one's
+        self._key: tuple = ()
+        self.forget()
+
+    def forget(self) -> None:
+        """What is known belongs to another scene."""
+        self._cameras: list[CameraRays] = []  # this frame's, the last one's
+        self._first_sample = self._first_gather = 0  # of this frame, counted through
+        self._interval = self._gathers = 1
+
+    def start(self, camera: CameraRays, samples: int, interval: int, taken: int, *, continues: bool) -> None:
+        """Begin a frame of ``samples`` passes of which one in ``interval`` gathers.
+
+        ``continues``: all but the camera is as it was in the last frame, which took ``taken`` passes.
+        """
+        if continues and self._cameras:
+            self._first_sample += taken
+            self._first_gather += -(-taken // self._interval)
+            self._cameras = [camera, self._cameras[0]]
+            self._records.reverse()
+            interval *= CONTINUED
+        else:
+            self.forget()
+            self._cameras = [camera]
+        self._interval = interval
+        self._gathers = max(1, -(-samples // interval))
+
+    def sample(self, index: int) -> int:
+        """Number of this frame's pass ``index``, counted through frames."""
+        return self._first_sample + index
+
+    def gather(self, index: int) -> Gather | None:
+        """The gather of this frame's pass ``index``, or None."""
+        number, rest = divmod(index, self._interval)
+        return None if rest else Gather(number, self._first_gather + number)
+
+    def run(self, frame: Frame, lights: Sequence[moderngl.Texture]) -> Iterator[float]:
+        """Of a pass that gathers: blend ``lights`` (rgba32f) with those of the last frame. Of another: fill them with
+        what this frame's passes have found so far; w is -1 where that is nothing. Yields the share done."""
+        key = (frame.size, len(lights))
+        if key != self._key:
+            self.release()
+            self._records = [_Record(self.gpu, frame.size, len(lights)) for _ in range(2)]
+            self._cameras = self._cameras[:1]
+            self._key = key
+        now, before = self._records
+        camera = self._cameras[-1]
+        if frame.gather is None:
+            before, camera = now, self._cameras[0]
+        kernel = self.gpu.kernel("history", frame.defines | {"KINDS": len(lights), "LOOKS_UP": frame.gather is None})
+        matrix = camera.raster_matrix((0.5, 0.5))
+        is_known = len(self._cameras) > 1
+
+        def bind() -> None:
+            slot = interface.slot
+            frame.bind(kernel)
+            before.place.use(slot("TEX_BEFORE_PLACE"))
+            for kind, light in enumerate(lights):
+                before.means[kind].use(slot("TEX_BEFORE_0") + kind)
+                light.bind_to_image(slot("IMG_0") + kind, read=True, write=True)
+                now.means[kind].bind_to_image(slot("IMG_3") + kind, read=True, write=True)
+            now.place.bind_to_image(slot("IMG_6"), read=True, write=True)
+            kernel.set(before_from_grid=tuple(np.asarray(matrix.T, np.float32).ravel().tolist()))
+            if frame.gather is not None:
+                kernel.set(
+                    frame_passes=float(self._gathers),
+                    most_passes=float(LONGEST * self._gathers) if is_known else 0.0,
+                    is_first=frame.gather.index == 0,
+                )
+
+        yield from run_tiles(self.gpu, "history", kernel, frame, COST, bind)
+
+    def release(self) -> None:
+        """Free everything."""
+        for record in self._records:
+            record.release(self.gpu)
+        self._records = []
+        self._key = ()

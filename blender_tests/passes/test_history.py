@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Diffuse light that frames and passes take over: less noise, the same brightness, and nothing of another scene."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from addon.gpu.context import GpuContext
+from addon.pipeline import Pipeline
+from addon.scene import LightKind, SceneData
+from addon.settings import Settings
+from blender_tests.passes import scenes
+from blender_tests.passes.run import pipeline, prepare, sample
+
+SIZE = (48, 36)
+
+
+def room(eye: float = 0.0, power: float = 20.0) -> SceneData:
+    """A sphere in an open box, lit by a lamp and the sky; the camera stands ``eye`` to the side."""
+    return scenes.scene(
+        (scenes.box((-2.0, -2.0, 0.0), (2.0, 2.0, 3.0), inside_out=True), scenes.diffuse((0.7, 0.5, 0.3))),
+        (scenes.sphere(0.6, 12), scenes.diffuse(0.8), scenes.at(0.3, 0.4, 0.6)),
+        lights=[scenes.light(LightKind.POINT, power, (1.2, -1.0, 2.2), radius=0.1)],
+        camera=scenes.camera((eye, -1.9, 1.5), (0.0, 1.0, 0.9), aspect=4 / 3),
+    )  # fmt: skip
+
+
+def settings(**values: object) -> Settings:
+    chosen: dict[str, object] = {"reuse_frames": True, "samples": 2, "use_reconstruction": False} | values
+    return scenes.settings(24, **chosen)
+
+
+def moved(scene: SceneData, eye: float) -> SceneData:
+    """The same scene, to the object, from another place."""
+    return dataclasses.replace(scene, camera=room(eye).camera)
+
+
+def frames(gpu: GpuContext, shown: list[SceneData], chosen: Settings) -> Iterator[np.ndarray]:
+    """The pictures of an animation."""
+    made = Pipeline(gpu)
+    try:
+        for number, scene in enumerate(shown):
+            for _ in made.prepare(scene, chosen, SIZE, follows=number > 0):
+                pass
+            sample(made, chosen.samples)
+            yield made.film.read("combined")[..., :3].copy()
+    finally:
+        made.release()
+
+
+def alone(gpu: GpuContext, scene: SceneData, chosen: Settings) -> np.ndarray:
+    """The picture of one frame by itself."""
+    with pipeline(gpu, scene, chosen, SIZE) as made:
+        return made.film.read("combined")[..., :3].copy()
+
+
+def error(found: np.ndarray, wanted: np.ndarray) -> float:
+    return float(np.mean((found - wanted) ** 2 / (wanted**2 + 0.01 * wanted.mean() ** 2)))
+
+
+def test_frames_gain_what_frames_before_them_found(gpu: GpuContext) -> None:
+    """After eight frames of a moving camera: less than one frame's error, with a quarter of its rays."""
+    first = room()
+    path = [moved(first, eye) for eye in np.linspace(-0.2, 0.2, 8)]
+    wanted = alone(gpu, path[-1], settings(reuse_frames=False, samples=128))
+    last = list(frames(gpu, path, settings(samples=4)))[-1]
+    single = alone(gpu, path[-1], settings(samples=4))
+    assert error(last, wanted) < 0.6 * error(single, wanted)
+    assert last.mean() == pytest.approx(wanted.mean(), rel=0.01)
+
+
+def test_passes_that_gather_nothing(gpu: GpuContext) -> None:
+    """They find all of the light, at edges too: no pixel differs by more than noise from one that all passes gather."""
+    every = alone(gpu, room(), settings(samples=64, reuse_frames=False))
+    some = alone(gpu, room(), settings(samples=64, reuse_frames=False, gather_interval=4))
+    assert some.mean() == pytest.approx(every.mean(), rel=0.005)
+    assert error(some, every) < 0.004
+    assert np.abs(some / every - 1.0).max() < 0.5
+
+
+def test_passes_that_gather_nothing_see_thin_things(gpu: GpuContext) -> None:
+    """Wires of a third of a pixel, each seen by some passes only, under a sky: as bright as if all gathered."""
+    wires = [
+        (scenes.box((-0.01, -3.0, 0.0), (0.01, 3.0, 0.02)), scenes.diffuse(0.8), scenes.at(x, 0.0, 0.5))
+        for x in np.linspace(-1.9, 1.9, 24)
+    ]
+    made = scenes.scene(
+        *wires, camera=scenes.camera((0.0, 0.0, 3.0), width=3.0, aspect=4 / 3), world=scenes.world(1.0),
+        film_transparent=True,
+    )  # fmt: skip
+    every = alone(gpu, made, settings(samples=16, reuse_frames=False))
+    some = alone(gpu, made, settings(samples=16, reuse_frames=False, gather_interval=8))
+    assert some.mean() == pytest.approx(every.mean(), rel=0.01)
+
+
+def test_what_comes_into_sight_is_dark(gpu: GpuContext) -> None:
+    """A bright board before a dark wall, and the camera moves: none of the board's light stays on the wall."""
+    board = (scenes.box((-0.4, -0.05, 0.0), (0.4, 0.05, 2.0)), scenes.diffuse(0.8), scenes.at(0.0, 0.0, 0.0))
+    wall = (scenes.box((-4.0, 3.0, -2.0), (4.0, 3.1, 4.0)), scenes.diffuse(0.8), scenes.at(0.0, 0.0, 0.0))
+    glow = (scenes.box((-0.6, -1.2, 2.7), (0.6, -0.8, 2.8)), scenes.emission(20.0), scenes.at(0.0, 0.0, 0.0))
+
+    def seen_from(eye: float) -> SceneData:
+        return scenes.scene(board, wall, glow, camera=scenes.camera((eye, -6.0, 1.0), (eye, 1.0, 1.0), aspect=4 / 3))
+
+    first = seen_from(0.0)
+    shown = [first, dataclasses.replace(first, camera=seen_from(0.3).camera)]
+    wanted = alone(gpu, shown[1], settings(reuse_frames=False, samples=128))
+    single = alone(gpu, shown[1], settings(samples=16))
+    last = list(frames(gpu, shown, settings(samples=16)))[-1]
+    assert error(last, wanted) < error(single, wanted) + 0.01
+
+
+@pytest.mark.parametrize("change", ["light", "alone"])
+def test_nothing_is_taken_over_from_elsewhere(change: str, gpu: GpuContext) -> None:
+    """Another lamp, or a frame that follows none: to the bit what the frame is by itself."""
+    first, chosen = room(), settings()
+    second = {"light": room(power=3.0), "alone": first}[change]
+    made = Pipeline(gpu)
+    try:
+        prepare(made, first, chosen, SIZE)
+        sample(made, 2)
+        for _ in made.prepare(second, chosen, SIZE, follows=change != "alone"):
+            pass
+        sample(made, 2)
+        found = made.film.read("combined")[..., :3]
+    finally:
+        made.release()
+    np.testing.assert_array_equal(found, alone(gpu, second, chosen))
+
+
+def test_a_still_camera_converges(gpu: GpuContext) -> None:
+    """Frames of the same view: the light goes towards what many passes find, and does not drift."""
+    wanted = alone(gpu, room(), settings(reuse_frames=False, samples=256))
+    scene = room()
+    pictures = list(frames(gpu, [scene] * 24, settings()))
+    assert error(pictures[-1], wanted) < 0.3 * error(pictures[0], wanted)
+    assert pictures[-1].mean() == pytest.approx(wanted.mean(), rel=0.01)
+
+
+def test_without_the_settings_nothing_is_kept(gpu: GpuContext) -> None:
+    """No picture of light, and no pass."""
+    for chosen, kept in ((settings(reuse_frames=False), False), (settings(), True)):
+        with pipeline(gpu, room(), chosen, SIZE) as made:
+            assert ("light of frames" in gpu.memory, "history" in gpu.times) == (kept, kept)
+            assert made.features is not None and made.features.keeps_light == kept

@@ -1,0 +1,137 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// Diffuse light at pixels that is taken over from earlier passes, where they saw the same surface.
+// Without LOOKS_UP: this pass's light, in light_img (KINDS pictures, rgb), is blended with what the last frame left in
+// before_*, by how many gathers stand behind each, and goes into the mean that this frame leaves.
+// LOOKS_UP: this pass has gathered nothing: its light is what this frame, in before_*, has found so far; w: -1 where that
+// is nothing.
+// Output: light_img; mean_img: means over this frame's gathers, w: how many they were; place_img: whose light it is.
+
+#include "lib/pixel.glsl"
+#include "lib/camera.glsl"
+
+layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
+
+layout(binding = TEX_BEFORE_PLACE) uniform usampler2D before_place_tex;
+layout(binding = TEX_BEFORE_0) uniform sampler2D before_tex[KINDS];
+layout(binding = IMG_0, rgba32f) uniform image2D light_img[KINDS];
+#if !LOOKS_UP
+layout(binding = IMG_3, rgba32f) uniform image2D mean_img[KINDS];
+layout(binding = IMG_6, rgba32ui) uniform uimage2D place_img;  // position (grid space), normal, passes
+#endif
+
+uniform ivec2 tile_first;
+uniform mat4 before_from_grid;  // clip space of the frame of before_*
+#if !LOOKS_UP
+uniform float frame_passes;     // gathers of this frame
+uniform float most_passes;      // of earlier frames that count
+uniform bool is_first;          // gather of this frame
+#endif
+
+const float NORMAL_STEPS = 2047.0;  // 11 bits for each half of an octahedral normal, 10 for the passes
+const uint MOST_COUNT = 1023u;
+
+struct Place {
+    vec3 position;
+    vec3 normal;
+    float passes;  // gathers of this frame and earlier ones; 0: no surface
+};
+
+Place unpack_place(uvec4 words)
+{
+    vec2 normal = vec2(words.w & 2047u, words.w >> 11 & 2047u) / NORMAL_STEPS;
+    return Place(uintBitsToFloat(words.xyz), octahedral_decode(2.0 * normal - 1.0), float(words.w >> 22));
+}
+
+uvec4 pack_place(Place place)
+{
+    uvec2 normal = uvec2(round((0.5 + 0.5 * octahedral_encode(place.normal)) * NORMAL_STEPS));
+    uint passes = min(uint(place.passes), MOST_COUNT);
+    return uvec4(floatBitsToUint(place.position), normal.x | normal.y << 11 | passes << 22);
+}
+
+// Whether light at a place is that of a pixel: same surface, up to the size of a pixel.
+bool is_same(Place place, Pixel p, float footprint)
+{
+    vec3 apart = place.position - p.position;
+    return place.passes > 0.0 && abs(dot(apart, p.geometric_normal)) < footprint && dot(place.normal, p.normal) > 0.95 &&
+           dot(apart, apart) < 64.0 * footprint * footprint;
+}
+
+void main()
+{
+    ivec2 at = tile_first + ivec2(gl_GlobalInvocationID.xy);
+    if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
+        return;
+    }
+    Pixel p = fetch_pixel(at);
+    if (!p.is_surface) {
+#if !LOOKS_UP
+        if (is_first) {
+            imageStore(place_img, at, uvec4(0u));
+        }
+#endif
+        return;
+    }
+    vec3 origin, direction;
+    camera_ray(at, origin, direction);
+    float footprint = pixel_footprint(dot(p.position - origin, direction), direction);
+
+    vec4 clip = before_from_grid * vec4(p.position, 1.0);
+    vec2 where = clip.w > 0.0 ? (0.5 * clip.xy / clip.w + 0.5) * vec2(picture_size) - 0.5 : vec2(-2.0);
+    ivec2 corner = ivec2(floor(where));
+    vec2 share = where - vec2(corner);
+    vec3 found[KINDS];
+    for (int kind = 0; kind < KINDS; ++kind) {
+        found[kind] = vec3(0.0);
+    }
+    float passes = 0.0;
+    float weights = 0.0;
+#if LOOKS_UP
+    const int side = 4;  // at edges, an earlier pass may have seen the surface a pixel away
+#else
+    const int side = 2;
+#endif
+    for (int k = 0; k < side * side; ++k) {
+        ivec2 offset = ivec2(k % side, k / side) - (side / 2 - 1);
+        ivec2 there = corner + offset;
+        bool usable = all(greaterThanEqual(there, ivec2(0))) && all(lessThan(there, picture_size));
+        there = clamp(there, ivec2(0), picture_size - 1);
+        Place place = unpack_place(texelFetch(before_place_tex, there, 0));
+        vec2 near = max(1.0 - abs(vec2(offset) - share), 1e-3);
+        float weight = usable && is_same(place, p, footprint) ? near.x * near.y : 0.0;
+        for (int kind = 0; kind < KINDS; ++kind) {
+            vec3 value = texelFetch(before_tex[kind], there, 0).rgb;
+            found[kind] += weight > 0.0 ? weight * value : vec3(0.0);
+        }
+        passes += weight * place.passes;
+        weights += weight;
+    }
+#if LOOKS_UP
+    for (int kind = 0; kind < KINDS; ++kind) {
+        imageStore(light_img[kind], at, weights > 0.0 ? vec4(found[kind] / weights, 0.0) : vec4(-1.0));
+    }
+#else
+    passes = min(passes, most_passes);
+    float old_share = weights > 0.0 ? passes / (passes + frame_passes) : 0.0;
+
+    Place place = unpack_place(imageLoad(place_img, at));
+    bool starts = is_first || place.passes <= 0.0;
+    bool joins = starts || is_same(place, p, footprint);
+    float before = starts ? 0.0 : imageLoad(mean_img[0], at).w;
+    for (int kind = 0; kind < KINDS; ++kind) {
+        vec4 light = imageLoad(light_img[kind], at);
+        light.rgb = old_share > 0.0 ? mix(light.rgb, found[kind] / weights, old_share) : light.rgb;
+        imageStore(light_img[kind], at, light);
+        if (joins) {
+            vec3 mean = starts ? light.rgb : imageLoad(mean_img[kind], at).rgb;
+            imageStore(mean_img[kind], at, vec4(mean + (light.rgb - mean) / (before + 1.0), before + 1.0));
+        }
+    }
+    if (starts) {
+        imageStore(place_img, at, pack_place(Place(p.position, p.normal, passes + 1.0)));
+    } else if (joins) {
+        place.passes += 1.0;
+        imageStore(place_img, at, pack_place(place));
+    }
+#endif
+}
