@@ -28,6 +28,7 @@ class Features:
     """Each is something the scene has and the settings want."""
 
     has_geometry: bool
+    has_smooth_shading: bool
     has_lights: bool
     has_world: bool
     has_emission: bool
@@ -58,6 +59,7 @@ class Features:
         scene: SceneData,
         settings: Settings,
         *,
+        smooth_shading: bool,
         diffuse: bool,
         emission: bool,
         small_emitters: bool,
@@ -67,8 +69,8 @@ class Features:
         transmission: bool,
         world: bool,
     ) -> Features:
-        """``diffuse`` ... ``world``: what the compiled materials and the world have. ``small_emitters``: points on
-        emitters find more than rays do. ``least_roughness``: of what is glossy."""
+        """``smooth_shading``: what the meshes have, ``diffuse`` ... ``world``: the compiled materials and the world.
+        ``small_emitters``: points on emitters find more than rays do. ``least_roughness``: of what is glossy."""
         has_geometry = any(len(scene.meshes[i.mesh].triangle_vertices) for i in scene.instances)
         lit = bool(scene.lights) or emission or world
         occlusion = settings.gather_mode == "OCCLUSION"
@@ -97,6 +99,7 @@ class Features:
         )
         return cls(
             has_geometry=has_geometry,
+            has_smooth_shading=smooth_shading,
             has_lights=bool(scene.lights),
             has_world=world,
             has_emission=emission,

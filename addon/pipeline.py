@@ -184,6 +184,7 @@ class Pipeline:
         features = Features.from_scene(
             scene,
             settings,
+            smooth_shading=geometry.has_smooth_shading,
             diffuse=materials.has_diffuse,
             emission=self._emitters.count > 0,
             small_emitters=self._emitters.is_small,

@@ -33,6 +33,9 @@ CELL_COUNT_BITS = 29
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
 
+#: A corner's normal that is nearer to its triangle's than this (a quarter of a degree) differs by rounding alone.
+FLAT_COSINE = 0.99999
+
 #: A face or a triangle that is not there.
 NONE_INDEX = 0xFFFFFFFF
 
@@ -74,19 +77,19 @@ TEXTURE_ALIASES = {
     "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, root of weight / MAX_FACE_WEIGHT
     "TEX_FACE_STRAIGHT": "TEX_DIFFUSE",  # rgba32f list: from world and emitters along links, W/(m2 sr)
     "TEX_FACE_IRRADIANCE": "TEX_F0",  # rgba32f list: from lights, over pi
-    "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones next to each other
+    "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones adjacent; rg32ui: and their shading normals
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
     # Emitters, where no material is evaluated.
     "TEX_EMITTERS": "TEX_INSTANCES",  # rgba32ui list: Emitter, several texels each
     "TEX_EMITTER_LOOKUP": "TEX_CORNERS",  # r32ui list: triangle -> its first emitter and how its edges are divided
     # Materials, where no ray is traced.
-    "TEX_ATTRIBUTES": "TEX_CELLS",  # r32ui list: corner normals, UV and colour layers
+    "TEX_ATTRIBUTES": "TEX_CELL_OPACITIES",  # r32ui list: corner normals, UV and colour layers
     "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters
     # While voxels are made (lib/part.glsl).
     "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
     "TEX_PARTS": "TEX_FACE_RADIANCE",  # rgba32ui list, cell by cell: what pairs bring to faces
-    "TEX_CELL_POSITIONS": "TEX_CELL_OPACITIES",  # r32ui list: x | y << 11 | z << 22
+    "TEX_CELL_POSITIONS": "TEX_WORLD",  # r32ui list: x | y << 11 | z << 22
     # Composition reads no grid: what it composes has the grid's units.
     "TEX_DIRECT_DIFFUSE": "TEX_FACE_RADIANCE",
     "TEX_DIRECT_GLOSSY": "TEX_BRICKS",
@@ -253,6 +256,7 @@ def prelude() -> str:
         "FIXED_ONE": f"{FIXED_ONE}.0",
         "CELL_COUNT_BITS": CELL_COUNT_BITS,
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
+        "FLAT_COSINE": FLAT_COSINE,
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
         "EMITTER_UNITS": f"{EMITTER_UNITS}.0",
         "EMITTER_TEXELS": f"{EMITTER.texels}u",

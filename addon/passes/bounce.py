@@ -51,7 +51,7 @@ class LinkPass:
         self.links = links
         if world.is_lit or emitters.count:
             self.straight = gpu.list_texture("straight light of faces", voxels.faces.count, 4, "f4")
-        kernel = gpu.kernel("link", voxels.trace_defines | world.defines | {"HAS_EMITTERS": emitters.count > 0})
+        kernel = gpu.kernel("link", voxels.site_defines | world.defines | {"HAS_EMITTERS": emitters.count > 0})
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // self.count)
         for first in range(0, voxels.faces.count, step):
             with gpu.timed("link"):

@@ -23,6 +23,7 @@ class Geometry:
 
     grid: VoxelGrid
     triangle_count: int
+    has_smooth_shading: bool  # corner normals differ from the triangles'
     triangles: moderngl.Texture
     instances: moderngl.Texture
     corners: moderngl.Texture
@@ -31,12 +32,16 @@ class Geometry:
 
     def bind(self, kernel: Kernel) -> None:
         """Bind what lib/geometry.glsl reads."""
+        self.bind_triangles()
+        kernel.set(cell_size=self.grid.cell_size, grid_origin_ws=self.grid.origin)
+
+    def bind_triangles(self) -> None:
+        """Bind what lib/shading_normal.glsl reads."""
         slot = interface.slot
         self.triangles.use(slot("TEX_TRIANGLES"))
         self.instances.use(slot("TEX_INSTANCES"))
         self.corners.use(slot("TEX_CORNERS"))
         self.attributes.use(slot("TEX_ATTRIBUTES"))
-        kernel.set(cell_size=self.grid.cell_size, grid_origin_ws=self.grid.origin)
 
 
 @dataclass
@@ -48,6 +53,19 @@ class MeshDraw:
     instances: moderngl.Buffer
     instance_count: int
     vertex_array: Any = None
+
+
+def is_smooth(mesh: MeshData) -> bool:
+    """Whether some corner's normal is off its triangle's by more than rounding."""
+    step = 1 << 12  # the first of these answers for most meshes that are
+    for first in range(0, len(mesh.triangle_vertices), step):
+        triangles = slice(first, first + step)
+        corners = mesh.positions[mesh.triangle_vertices[triangles]]
+        flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        cosines = np.einsum("tk,tck->tc", flat, mesh.corner_normals[mesh.triangle_corners[triangles]])
+        if (cosines < interface.FLAT_COSINE * np.linalg.norm(flat, axis=1, keepdims=True)).any():
+            return True
+    return False
 
 
 def octahedral_snorm(normals: np.ndarray) -> np.ndarray:
@@ -168,7 +186,8 @@ class GeometryPass:
             raise MemoryError(f"the scene has {total} triangles; at most {16384 * interface.TRIANGLES_PER_ROW} fit")
         triangles = gpu.texture("triangles", (3 * interface.TRIANGLES_PER_ROW, rows), 4, "u4")
         self._owned.append(triangles)
-        geometry = Geometry(grid, total, triangles, *self._owned[:3])
+        is_any_smooth = any(is_smooth(scene.meshes[index]) for index in used)
+        geometry = Geometry(grid, total, is_any_smooth, triangles, *self._owned[:3])
         if total:
             self._transform(geometry, records, vertices, positions, slots)
             geometry.meshes = self._draws(scene, records, used)

@@ -125,7 +125,7 @@ class InjectPass:
         self.irradiance = irradiance
         kernel = self.gpu.kernel(
             "inject",
-            voxels.trace_defines
+            voxels.site_defines
             | lights.defines(settings)
             | {"HAS_LIGHTS": lights.count > 0, "HAS_EMITTERS": emitters is not None},
         )

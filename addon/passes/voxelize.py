@@ -38,7 +38,7 @@ class Faces:
     count: int
     place: moderngl.Texture  # rgba32ui
     reflectance: moderngl.Texture  # rgba16, unsigned normalized: half floats would lose energy at each bounce
-    order: moderngl.Texture  # r32ui: faces, alike ones next to each other
+    order: moderngl.Texture  # r32ui: faces, alike ones next to each other; rg32ui: and their shading normals
 
     def bind(self) -> None:
         """Bind for reading."""
@@ -64,6 +64,11 @@ class Voxels:
     @property
     def trace_defines(self) -> dict[str, object]:
         return {"HAS_OPACITY": self.cell_opacities is not None}
+
+    @property
+    def site_defines(self) -> dict[str, object]:
+        """For lib/site.glsl."""
+        return self.trace_defines | {"HAS_SHADING_NORMALS": self.faces.order.components == 2}
 
     def bind(self, kernel: Kernel) -> None:
         """Bind everything that tracing reads."""
@@ -288,12 +293,12 @@ class VoxelizePass:
             count,
             gpu.list_texture("faces", count, 4, "u4"),
             gpu.list_texture("faces", count, 4, "nu2"),
-            gpu.list_texture("faces", count, 1, "u4"),
+            gpu.list_texture("faces", count, 2 if geometry.has_smooth_shading else 1, "u4"),
         )
         self._owned += [faces.place, faces.reflectance, faces.order]
-        kernel = gpu.kernel("voxel_resolve")
+        kernel = gpu.kernel("voxel_resolve", {"HAS_SHADING_NORMALS": geometry.has_smooth_shading})
         kernel.set(work_count=len(items), axis_counts=axis_counts)
-        geometry.triangles.use(slot("TEX_TRIANGLES"))
+        geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
         lists.parts.use(slot("TEX_PARTS"))

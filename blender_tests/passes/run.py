@@ -59,7 +59,7 @@ class VoxelData:
     masks: np.ndarray  # (bricks,) uint64
     cells: np.ndarray  # (cells, 3) int
     records: np.ndarray  # (cells, 4): first triangle, count, first face, face mask
-    faces: np.ndarray  # (faces,) cell, facing, position, normal, reflectance, weight
+    faces: np.ndarray  # (faces,) cell, facing, position, normal, shading normal, reflectance, weight
     triangles: np.ndarray  # (pairs,) cell by cell
 
     @property
@@ -76,7 +76,7 @@ class VoxelData:
 
 _FACE = np.dtype([
     ("cell", np.int64), ("facing", np.int64), ("position", np.float32, 3), ("normal", np.float64, 3),
-    ("reflectance", np.float32, 3), ("weight", np.float32),
+    ("shading_normal", np.float64, 3), ("reflectance", np.float32, 3), ("weight", np.float32),
 ])  # fmt: skip
 
 
@@ -104,6 +104,10 @@ def read_faces(voxels: Voxels, records: np.ndarray) -> np.ndarray:
     place = read_list(voxels.faces.place, count, np.uint32)
     faces["position"] = np.ascontiguousarray(place[:, :3]).view(np.float32)
     faces["normal"] = _octahedral(place[:, 3])
+    faces["shading_normal"] = faces["normal"]
+    if voxels.faces.order.components == 2:
+        order = read_list(voxels.faces.order, count, np.uint32)
+        faces["shading_normal"][order[:, 0]] = _octahedral(order[:, 1])
     reflectance = read_list(voxels.faces.reflectance, count, np.uint16) / np.float32(65535)
     faces["reflectance"], faces["weight"] = reflectance[:, :3], reflectance[:, 3] ** 2 * interface.MAX_FACE_WEIGHT
     return faces

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
@@ -49,6 +50,13 @@ def plane(size: float = 2.0, z: float = 0.0) -> MeshData:
         [[-h, -h, z], [h, -h, z], [h, h, z], [-h, h, z]], [[0, 1, 2], [0, 2, 3]], "plane",
         uv_layers={"UVMap": uv}, active_uv="UVMap",
     )  # fmt: skip
+
+
+def bent(shape: MeshData, normal: Any) -> MeshData:
+    """The same with other normals at its corners: (3,) or (C, 3), made unit."""
+    normals = np.broadcast_to(np.asarray(normal, np.float64), shape.corner_normals.shape)
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return dataclasses.replace(shape, corner_normals=normals.astype(np.float32))
 
 
 def box(lo: Any = (-1.0, -1.0, -1.0), hi: Any = (1.0, 1.0, 1.0), *, inside_out: bool = False) -> MeshData:

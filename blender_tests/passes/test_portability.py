@@ -179,7 +179,9 @@ def active_resources(program: int) -> dict[str, int]:
         if location < 0:
             continue
         is_image = 0x904C <= kind <= 0x906C
+        is_vector = 0x8DC6 <= kind <= 0x8DC8  # GL_UNSIGNED_INT_VEC2 to 4
         is_sampler = 0x8B5D <= kind <= 0x8B64 or 0x8DC0 <= kind <= 0x8DD8 or 0x9108 <= kind <= 0x910D
+        is_sampler = is_sampler and not is_vector
         if is_image or is_sampler:
             unit = i()
             uniform_iv(program, location, ctypes.byref(unit))

@@ -13,7 +13,7 @@ from addon.settings import Settings
 from blender_tests.passes import scenes
 
 PLAIN: dict[str, Any] = dict.fromkeys(
-    ("emission", "small_emitters", "transparency", "specular", "transmission", "world"), False
+    ("smooth_shading", "emission", "small_emitters", "transparency", "specular", "transmission", "world"), False
 ) | {"diffuse": True, "least_roughness": 1.0}
 
 

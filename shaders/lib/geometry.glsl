@@ -5,15 +5,11 @@
 //     FLAT_SHADING   1: surfaces as their triangles are, without interpolated normals (voxels)
 
 #include "lib/surface.glsl"
-#include "lib/triangle.glsl"
+#include "lib/shading_normal.glsl"
 
 uniform float cell_size;
 uniform vec3 grid_origin_ws;
 
-layout(binding = TEX_INSTANCES) uniform usampler2D instances_tex;
-// For each triangle of each mesh: three corners, material slot.
-layout(binding = TEX_CORNERS) uniform usampler2D corners_tex;
-layout(binding = TEX_ATTRIBUTES) uniform usampler2D attributes_tex;
 // Entry m, component x, holds the number of material m's first parameter; parameters follow.
 layout(binding = TEX_MATERIALS) uniform sampler2D materials_tex;
 
@@ -24,11 +20,6 @@ vec4 material_parameter(int index)
     return texelFetch(materials_tex, list_texel(current_parameter_base + uint(index)), 0);
 }
 
-uint attribute_word(uint index)
-{
-    return texelFetch(attributes_tex, list_texel(index), 0).r;
-}
-
 #if MATERIAL_UV_LAYERS > 0
 uniform uint material_uv_layers[MATERIAL_UV_LAYERS];
 #endif
@@ -37,11 +28,6 @@ uniform uint material_color_layers[MATERIAL_COLOR_LAYERS];
 #endif
 
 #include "material"
-
-vec3 corner_normal(uint first, uint corner)
-{
-    return octahedral_decode(unpackSnorm2x16(attribute_word(first + corner)));
-}
 
 vec2 corner_uv(uint first, uint corner)
 {
@@ -57,13 +43,6 @@ vec4 corner_color(uint first, uint corner)
         return vec4(0.0);
     }
     return vec4(unpackHalf2x16(attribute_word(first + 2u * corner)), unpackHalf2x16(attribute_word(first + 2u * corner + 1u)));
-}
-
-// Rows of object_from_grid transposed times a normal: normals go by the inverse transpose.
-vec3 world_normal(Instance instance, vec3 n)
-{
-    return normalize(instance.object_from_grid_x.xyz * n.x + instance.object_from_grid_y.xyz * n.y +
-                     instance.object_from_grid_z.xyz * n.z);
 }
 
 // The point with these barycentric coordinates. `incoming` points to the viewer; `footprint` is the side of the area
@@ -102,10 +81,7 @@ ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float fo
     p.normal_os = normalize(face_os);
     p.normal_ws = p.geometric_normal_ws;
 #else
-    p.normal_os = corner_normal(instance.first_normal, corner.x) * weights.x +
-                  corner_normal(instance.first_normal, corner.y) * weights.y +
-                  corner_normal(instance.first_normal, corner.z) * weights.z;
-    p.normal_os = dot(p.normal_os, p.normal_os) > 1e-12 ? normalize(p.normal_os) : vec3(0.0, 0.0, 1.0);
+    p.normal_os = interpolated_normal(instance, corner, barycentric);
     p.normal_ws = world_normal(instance, p.normal_os);
     if (!is_finite(p.normal_ws)) {
         p.normal_ws = p.geometric_normal_ws;

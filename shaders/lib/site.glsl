@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Sites: surface points where visibility is traced, one for each voxel face. Threads take them in an order in which
 // neighbours are alike: facing by facing.
+//
+// The including program may define
+//     HAS_SHADING_NORMALS  1: light is received as by a surface with another normal than the triangle's
 
 #include "lib/trace.glsl"
 #include "lib/face.glsl"
@@ -13,18 +16,34 @@ uniform uint face_count;  // of all
 struct Site {
     uint face;      // NONE_INDEX: this thread has no site
     vec3 origin;    // where its rays start, grid space
-    vec3 normal;
+    vec3 normal;    // geometric: no light comes from behind it
+    vec3 shading_normal;  // of the cosine of light that is received
 };
 
 Site site_of_thread()
 {
-    Site site = Site(NONE_INDEX, vec3(0.0), vec3(0.0));
+    Site site = Site(NONE_INDEX, vec3(0.0), vec3(0.0), vec3(0.0));
     uint index = site_first + invocation_index();
     if (index < face_count) {
         vec3 position;
-        site.face = texelFetch(face_order_tex, list_texel(index), 0).r;
+        uvec4 entry = texelFetch(face_order_tex, list_texel(index), 0);
+        site.face = entry.r;
         fetch_face_place(site.face, position, site.normal);
         site.origin = position + site.normal * RAY_START;
+        site.shading_normal = site.normal;
+#if HAS_SHADING_NORMALS
+        site.shading_normal = octahedral_decode(unpackSnorm2x16(entry.g));
+#endif
     }
     return site;
+}
+
+// Whether a direction that is above the shading normal's horizon is above the surface's.
+bool leaves_surface(Site site, vec3 direction)
+{
+#if HAS_SHADING_NORMALS
+    return dot(site.normal, direction) > 0.0;
+#else
+    return true;
+#endif
 }

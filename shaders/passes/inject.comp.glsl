@@ -39,8 +39,8 @@ vec3 light_from_lights(Site site)
         vec3 sum = vec3(0.0);
         for (uint i = 0u; i < samples; ++i) {
             LightSample s = sample_light(light, site.origin, sample_2d(i, seed));
-            float cosine = dot(site.normal, s.direction);
-            if (cosine <= 0.0 || max_component(s.irradiance) <= 0.0) {
+            float cosine = dot(site.shading_normal, s.direction);
+            if (cosine <= 0.0 || max_component(s.irradiance) <= 0.0 || !leaves_surface(site, s.direction)) {
                 continue;
             }
             bool blocked = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u &&
@@ -60,9 +60,10 @@ vec3 light_from_emitters(Site site)
     uint seed = hash(hash(site.face) + 0x68E31Du, random_seed);
     for (uint i = 0u; i < uint(emitter_samples); ++i) {
         EmitterSample s = sample_emitter(site.origin, sample_2d(i, seed), hash(seed, i));
-        float cosine = dot(site.normal, s.direction);
+        float cosine = dot(site.shading_normal, s.direction);
         float density = emitter_samples * s.density;
-        if (cosine <= 0.0 || density <= 0.0 || max_component(s.radiance) <= 0.0 || (s.flags & RAY_DIFFUSE) == 0u) {
+        if (cosine <= 0.0 || density <= 0.0 || max_component(s.radiance) <= 0.0 || (s.flags & RAY_DIFFUSE) == 0u ||
+            !leaves_surface(site, s.direction)) {
             continue;
         }
         bool blocked = is_blocked(site.origin, s.direction, s.distance - RAY_START, hash(seed, i + 0x517CC1u));

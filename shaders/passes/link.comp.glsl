@@ -38,19 +38,20 @@ void main()
     uvec4 links;
     vec3 straight = vec3(0.0);
     for (uint k = 0u; k < link_count; ++k) {
-        vec3 direction = sample_cosine(site.normal, sample_2d(k, seed));
-        Hit hit = trace(site.origin, direction, 1e30, RAY_DIFFUSE, false, hash(seed, k));
+        vec3 direction = sample_cosine(site.shading_normal, sample_2d(k, seed));
+        bool leaves = leaves_surface(site, direction);
+        Hit hit = trace(site.origin, direction, leaves ? 1e30 : -1.0, RAY_DIFFUSE, false, hash(seed, k));
         uint link = NONE_INDEX;
         if (hit.triangle != NONE_INDEX) {
             link = face_at_hit(site.origin + direction * hit.distance, hit, hash(seed + k, 0x9E3779u));
 #if HAS_EMITTERS
-            float density = float(link_count) * dot(direction, site.normal) / PI;
+            float density = float(link_count) * dot(direction, site.shading_normal) / PI;
             Emitted emission = emission_met(hit.triangle, site.origin, direction, hit.distance, density);
             straight += emission.weight * emission.radiance;
 #endif
         }
 #if HAS_WORLD
-        else {
+        else if (leaves) {
             straight += world_along(direction);
         }
 #endif

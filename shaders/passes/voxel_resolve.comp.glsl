@@ -1,13 +1,17 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // From parts to faces: sums and means, and the point of the surface that each face stands for. One thread for each axis
 // that a cell has faces on. Sums are integers: the order of a cell's list cannot show.
-// Input: parts and triangles of cells, cells with their positions.
-// Output: place_img, reflectance_img of the faces; order_img, the list of all faces facing by facing.
+// Input: parts and triangles of cells, cells with their positions. HAS_SHADING_NORMALS: meshes' corners.
+// Output: place_img, reflectance_img of the faces; order_img, the list of all faces facing by facing, with their shading
+// normals where there are some.
 
 #include "lib/grid.glsl"
 #include "lib/triangle.glsl"
 #include "lib/face.glsl"
 #include "lib/part.glsl"
+#if HAS_SHADING_NORMALS
+#include "lib/shading_normal.glsl"
+#endif
 
 layout(local_size_x = GROUP_SIZE) in;
 
@@ -18,7 +22,11 @@ layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
 layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cell | axis << 30, axis by axis
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
 layout(binding = IMG_1, rgba16) writeonly uniform image2D reflectance_img;
+#if HAS_SHADING_NORMALS
+layout(binding = IMG_2, rg32ui) writeonly uniform uimage2D order_img;
+#else
 layout(binding = IMG_2, r32ui) writeonly uniform uimage2D order_img;
+#endif
 
 uniform uint work_count;
 uniform uvec3 axis_counts;  // work items of each axis
@@ -33,6 +41,9 @@ struct Face {
     vec3 position;
     vec3 normal;
     vec4 reflectance;  // a: as stored
+#if HAS_SHADING_NORMALS
+    vec3 shading_normal;
+#endif
 };
 
 // Add a part where `mask` is all ones, nothing where it is 0.
@@ -92,6 +103,23 @@ void consider(inout Outermost outermost, Face face, Triangle t, uint index, vec3
     }
 }
 
+#if HAS_SHADING_NORMALS
+// Of triangle `index` at the face's place: the mean over its part of the cell, where that is all there is.
+vec3 shading_normal(Face face, uint index)
+{
+    Triangle t = fetch_triangle(index);
+    Instance instance = fetch_instance(instances_tex, t.instance);
+    vec2 barycentric;
+    float distance;
+    intersect_plane(t, face.position, face.normal, barycentric, distance);
+    uvec3 corner = texelFetch(corners_tex, list_texel(t.mesh_triangle), 0).xyz;
+    vec3 n = world_normal(instance, interpolated_normal(instance, corner, barycentric));
+    bool is_front = (dot(cross(t.edge_1, t.edge_2), face.normal) > 0.0) == (instance.mirrored == 0u);
+    n = is_front ? n : -n;
+    return is_finite(n) && dot(n, face.normal) < FLAT_COSINE ? n : face.normal;
+}
+#endif
+
 void move_to(inout Face face, Outermost outermost)
 {
     if (outermost.triangle != NONE_INDEX) {
@@ -99,6 +127,22 @@ void move_to(inout Face face, Outermost outermost)
         face.position += face.normal * outermost.height;
         face.normal = dot(n, face.normal) < 0.0 ? -n : n;
     }
+#if HAS_SHADING_NORMALS
+    face.shading_normal = face.normal;
+    if (outermost.triangle != NONE_INDEX) {
+        face.shading_normal = shading_normal(face, outermost.triangle);
+    }
+#endif
+}
+
+// The same surface seen from its other side.
+Face turned_over(Face face)
+{
+    face.normal = -face.normal;
+#if HAS_SHADING_NORMALS
+    face.shading_normal = -face.shading_normal;
+#endif
+    return face;
 }
 
 // The mean of curved or layered surfaces lies inside them: take the outermost surface of the cell in front of it or
@@ -117,8 +161,14 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, vec3 corner)
     move_to(minus, below);
 }
 
-void store(uint index, Face face)
+void store(uint index, Face face, uint place_in_order)
 {
+#if HAS_SHADING_NORMALS
+    uint shading = packSnorm2x16(octahedral_encode(face.shading_normal));
+    imageStore(order_img, list_texel(place_in_order), uvec4(index, shading, 0u, 0u));
+#else
+    imageStore(order_img, list_texel(place_in_order), uvec4(index));
+#endif
     imageStore(place_img, list_texel(index), pack_face_place(face.position, face.normal));
     imageStore(reflectance_img, list_texel(index), face.reflectance);
 }
@@ -134,8 +184,6 @@ void main()
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
     uint first = face_index(record, 2u * axis);
     uint before = (axis > 0u ? axis_counts.x : 0u) + (axis > 1u ? axis_counts.y : 0u);
-    imageStore(order_img, list_texel(number + before), uvec4(first));
-    imageStore(order_img, list_texel(number + before + axis_counts[axis]), uvec4(first + 1u));
 
     vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r));
     Sums plus, minus;
@@ -148,12 +196,10 @@ void main()
     find_surfaces(front, back, record, corner);
     // The side that nothing was made for is the back of a sheet: the same surface, turned over.
     if (plus.area == 0u) {
-        front = back;
-        front.normal = -back.normal;
+        front = turned_over(back);
     } else if (minus.area == 0u) {
-        back = front;
-        back.normal = -front.normal;
+        back = turned_over(front);
     }
-    store(first, front);
-    store(first + 1u, back);
+    store(first, front, number + before);
+    store(first + 1u, back, number + before + axis_counts[axis]);
 }
