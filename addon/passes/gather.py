@@ -47,7 +47,7 @@ class GatherPass:
         yield from self._trace(frame, lit, frame.gather, [self.incoming, self.emitted], direct)
 
     def fill(self, frame: Frame, lit: LitVoxels, lights: Sequence[moderngl.Texture]) -> Iterator[float]:
-        """Gather for the pixels where w of ``lights`` (incoming and perhaps emitted) is negative. Yields the share done."""
+        """Gather for the pixels where w of ``lights`` is negative: incoming, perhaps emitted. Yields the share done."""
         incoming, emitted = (*lights, None)[:2]
         assert incoming is not None
         yield from self._trace(frame, lit, None, [incoming, emitted], None)

@@ -98,20 +98,22 @@ def test_passes_that_gather_nothing_see_thin_things(gpu: GpuContext) -> None:
 
 
 def test_what_comes_into_sight_is_dark(gpu: GpuContext) -> None:
-    """A bright board before a dark wall, and the camera moves: none of the board's light stays on the wall."""
-    board = (scenes.box((-0.4, -0.05, 0.0), (0.4, 0.05, 2.0)), scenes.diffuse(0.8), scenes.at(0.0, 0.0, 0.0))
-    wall = (scenes.box((-4.0, 3.0, -2.0), (4.0, 3.1, 4.0)), scenes.diffuse(0.8), scenes.at(0.0, 0.0, 0.0))
-    glow = (scenes.box((-0.6, -1.2, 2.7), (0.6, -0.8, 2.8)), scenes.emission(20.0), scenes.at(0.0, 0.0, 0.0))
+    """A board under the sky before a deep shaft, and the camera moves: none of the board's light stays on the shaft."""
+    board = (scenes.box((-0.4, -0.05, 0.6), (0.4, 0.05, 1.4)), scenes.diffuse(0.8))
+    sides = [(-3, 0.5, -2, -2, 6, 4), (2, 0.5, -2, 3, 6, 4), (-3, 0.5, -2, 3, 6, -1), (-3, 0.5, 3, 3, 6, 4)]
+    shaft = [(scenes.box(side[:3], side[3:]), scenes.diffuse(0.2)) for side in sides]
+    end = (scenes.box((-3.0, 6.0, -2.0), (3.0, 6.2, 4.0)), scenes.diffuse(0.8))
 
     def seen_from(eye: float) -> SceneData:
-        return scenes.scene(board, wall, glow, camera=scenes.camera((eye, -6.0, 1.0), (eye, 1.0, 1.0), aspect=4 / 3))
+        camera = scenes.camera((eye, -6.0, 1.0), (eye, 1.0, 1.0), aspect=4 / 3)
+        return scenes.scene(board, *shaft, end, camera=camera, world=scenes.world(1.0))
 
     first = seen_from(0.0)
-    shown = [first, dataclasses.replace(first, camera=seen_from(0.3).camera)]
+    shown = [first, dataclasses.replace(first, camera=seen_from(0.5).camera)]
     wanted = alone(gpu, shown[1], settings(reuse_frames=False, samples=128))
     single = alone(gpu, shown[1], settings(samples=16))
     last = list(frames(gpu, shown, settings(samples=16)))[-1]
-    assert error(last, wanted) < error(single, wanted) + 0.01
+    assert error(last, wanted) < 1.3 * error(single, wanted)
 
 
 @pytest.mark.parametrize("change", ["light", "alone"])
