@@ -192,7 +192,8 @@ def _scene(entry: Row) -> Iterator[str]:
         ]
         if has_indirect:
             cells += [_error(indirect["relative_mse"]), _percent(indirect["bias"])] if indirect else ["", ""]
-        rows.append([*cells, f"{row['peak_rss'] / 2**20:.0f}"])
-    yield from _table([*header, "peak MiB"], rows)
+        objects = sum(row["statistics"].get("memory", {}).values())
+        rows.append([*cells, f"{row['peak_rss'] / 2**20:.0f}", f"{objects / 2**20:.0f}" if objects else ""])
+    yield from _table([*header, "peak MiB", "buffers and textures, MiB"], rows)
     for name in entry["pictures"]:
         yield from ("", f"![{entry['scene']}]({name})")
