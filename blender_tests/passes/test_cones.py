@@ -120,8 +120,7 @@ def test_wide_cones_see_what_is_opposite(degrees: float, gpu: GpuContext) -> Non
 
 @pytest.mark.parametrize("degrees", [10.0, 30.0, 45.0])
 def test_a_slanted_receiver_does_not_shade_itself(degrees: float, gpu: GpuContext) -> None:
-    """Cones that leave a slanted sheet at 60 degrees from its normal are free: 82 % on average (84 to 87 % as
-    measured), though its own back is in all the cells that they read."""
+    """Cones that leave a slanted sheet at 60 degrees from its normal are free: 90 % on average."""
     angle = np.radians(degrees)
     turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
     matrix = np.eye(4)
@@ -136,7 +135,7 @@ def test_a_slanted_receiver_does_not_shade_itself(degrees: float, gpu: GpuContex
     with cones_of(gpu, scenes.scene((scenes.plane(40.0), scenes.diffuse(), matrix))) as (volume, _):
         kernel = test_kernel(gpu, "cone", {"FETCH": False})
         volume.bind(kernel)
-        assert map_list(gpu, kernel, rays, 4)[:, 3].mean() > 0.82
+        assert map_list(gpu, kernel, rays, 4)[:, 3].mean() > 0.9
 
 
 def test_every_level_holds_all_area(gpu: GpuContext) -> None:

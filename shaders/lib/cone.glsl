@@ -25,21 +25,9 @@ struct Cone {
 // between them (measured: walls of one cell, half-angles to 30 degrees).
 const float CONE_GAIN = 1.25;
 
-// What linear filtering at `at` reads of a plane that crosses a column of cells at `plane`: exact where it faces an axis.
-float filtered_plane(float plane, float at, float side)
-{
-    float center = (floor(plane / side) + 0.5) * side;
-    return max(1.0 - abs(at - center) / side, 0.0);
-}
-
-// The same for a slanted plane, on average over places: `height` above it, cells of side `side`, for the axis along which
-// its normal has the part `along`. A box filtered by a tent is a quadratic B-spline; a column holds the plane once.
-float filtered_slope(float height, vec3 normal, float along, float side)
-{
-    float spread = dot(abs(normal), vec3(1.0));
-    float x = height / (side * spread);
-    return abs(along) / spread * (x < 0.5 ? 0.75 - x * x : 0.5 * pow(max(1.5 - x, 0.0), 2.0));
-}
+// Cells are no larger than this share of their height above the receiver, however wide the cone is: larger ones hold the
+// receiver's own back, and what lies behind it.
+const float CONE_CLEARANCE = 1.0 / 3.0;
 
 vec4 trace_cone(Cone cone)
 {
@@ -51,36 +39,21 @@ vec4 trace_cone(Cone cone)
     vec3 box = vec3(cone_size) * cone_cell;
     float deepest = float(cone_levels - 1);
     for (int i = 0; i < 256 && t < cone.limit && transmittance > 0.002; ++i) {
-        float width = max(cone_cell, 2.0 * t * cone.tan_half);
+        vec3 p = start + cone.direction * t;
+        float height = dot(p - cone.origin, cone.normal);
+        float width = max(cone_cell, min(2.0 * t * cone.tan_half, CONE_CLEARANCE * height));
         float level = min(log2(width / cone_cell), deepest);
         float side = cone_cell * exp2(level);
-        vec3 p = start + cone.direction * t;
         if (any(lessThan(p, vec3(-0.5 * side))) || any(greaterThan(p, box + 0.5 * side))) {
             break;
         }
-        // Where it is read: past the border cells repeat to the sides, and end above and below.
-        vec3 border = vec3(0.5 * side, 0.5 * side, 0.0);
-        vec3 read = clamp(p, border, box - border);
-        float height = dot(read - cone.origin, cone.normal);  // above the receiver's tangent plane
         vec4 q = vec4(0.0);
-        float finer = cone_cell * exp2(floor(level));
         for (int axis = 0; axis < 3; ++axis) {
             // The facing that looks against the cone.
             bool negative = cone.direction[axis] > 0.0;
-            vec3 at = read;
+            vec3 at = clamp(p, vec3(0.0), box);
             at.z += float((2 * axis + (negative ? 1 : 0)) * cone_stride) * cone_cell;
-            vec4 found = textureLod(cones_tex, at * scale, level);
-            // Both sides of a sheet are in the same cells: the receiver's own back, taken for a plane, must not count.
-            float facing_normal = negative ? -cone.normal[axis] : cone.normal[axis];
-            if (facing_normal < -0.01) {
-                float plane = read[axis] - height / cone.normal[axis];
-                float aligned = mix(
-                    filtered_plane(plane, read[axis], finer), filtered_plane(plane, read[axis], 2.0 * finer), fract(level)
-                );
-                float own = max(aligned, filtered_slope(height, cone.normal, facing_normal, side));
-                found *= max(found.a - own, 0.0) / max(found.a, 1e-6);
-            }
-            q += abs(cone.direction[axis]) * found;
+            q += abs(cone.direction[axis]) * textureLod(cones_tex, at * scale, level);
         }
         q *= CONE_GAIN;
         float f = q.a > 0.0 ? min(1.0, transmittance / q.a) : 0.0;
