@@ -55,7 +55,7 @@ class ConeVolume:
                     level_size=size, level_stride=self.stride >> level, children=self.children if level == 0 else 2
                 )
                 volume.bind_to_image(slot("IMG_0"), read=False, write=True, level=level)
-                kernel.run_groups(-(-size[0] // 4), -(-size[1] // 4), -(-6 * (self.stride >> level) // 4))
+                kernel.run_groups(*(-(-side // 4) for side in size))
                 gpu.barrier()  # the next level reads this one; cones read all
 
     def bind(self, kernel: Kernel) -> None:

@@ -98,6 +98,46 @@ def test_the_back_of_the_receiver_does_not_count(gpu: GpuContext) -> None:
             assert shoot(gpu, volume, origins, np.array([0.0, 0.0, 1.0]), tan_half)[:, 3].min() > 0.97
 
 
+@pytest.mark.parametrize("degrees", [0.0, 41.0, 60.0])
+def test_wide_cones_see_what_is_opposite(degrees: float, gpu: GpuContext) -> None:
+    """In a closed room all of whose faces have radiance 1 a cone from the floor brings 1, though its cells reach from
+    the ceiling to the floor's own back: 90 % on average."""
+    room = scenes.scene((scenes.box((5.3,) * 3, (58.7,) * 3, inside_out=True), scenes.diffuse()))
+    rng, angle = np.random.default_rng(4), np.radians(degrees)
+    count = 200
+    phi = rng.uniform(0.0, 2.0 * np.pi, count)
+    rays = np.zeros((count, 12), np.float32)
+    rays[:, :2], rays[:, 2], rays[:, 3] = rng.uniform(7.0, 57.0, (count, 2)), 5.3, 1e30
+    rays[:, 4], rays[:, 5] = np.sin(angle) * np.cos(phi), np.sin(angle) * np.sin(phi)
+    rays[:, 6], rays[:, 10] = np.cos(angle), 1.0
+    with cones_of(gpu, room) as (volume, _):
+        for tan_half in (0.3, 0.466, 0.577):
+            rays[:, 7] = tan_half
+            kernel = test_kernel(gpu, "cone", {"FETCH": False})
+            volume.bind(kernel)
+            assert map_list(gpu, kernel, rays, 4)[:, 0].mean() > 0.9
+
+
+@pytest.mark.parametrize("degrees", [10.0, 30.0, 45.0])
+def test_a_slanted_receiver_does_not_shade_itself(degrees: float, gpu: GpuContext) -> None:
+    """Cones that leave a slanted sheet at 60 degrees from its normal are free: 90 % on average."""
+    angle = np.radians(degrees)
+    turn = np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = turn, 32.37
+    rng, count = np.random.default_rng(5), 400
+    phi = rng.uniform(0.0, 2.0 * np.pi, count)
+    places = np.concatenate([rng.uniform(-6.0, 6.0, (count, 2)), np.zeros((count, 1))], axis=1)
+    directions = np.stack([np.sqrt(0.75) * np.cos(phi), np.sqrt(0.75) * np.sin(phi), np.full(count, 0.5)], axis=1)
+    rays = np.zeros((count, 12), np.float32)
+    rays[:, :3], rays[:, 3], rays[:, 4:7] = places @ turn.T + 32.37, 1e30, directions @ turn.T
+    rays[:, 7], rays[:, 8:11] = 0.577, turn[:, 2]
+    with cones_of(gpu, scenes.scene((scenes.plane(40.0), scenes.diffuse(), matrix))) as (volume, _):
+        kernel = test_kernel(gpu, "cone", {"FETCH": False})
+        volume.bind(kernel)
+        assert map_list(gpu, kernel, rays, 4)[:, 3].mean() > 0.9
+
+
 def test_every_level_holds_all_area(gpu: GpuContext) -> None:
     """A cell of side s holds area / s^2: four times the sum of a level is the sum of the finer one. Level 0 holds
     A |n.d|, as the triangles have it, but for cells where surfaces of several normals share a face."""

@@ -119,6 +119,32 @@ def test_time_to_an_error() -> None:
     assert numbers.time_to(entry, 1e-4) is None
 
 
+def test_published_kernels_at_equal_time() -> None:
+    """Our error falls from 0.1 to 0.001 while time grows from 1 to 100, so it is 0.01 at 10. Before 1 we have nothing;
+    after 100 no more is known than what was reached."""
+    def row(group: str, cpu: float, error: float) -> numbers.Row:
+        return {"group": group, "cpu_ms": cpu, "judged": {"relative_mse": error}}
+
+    kernels = [row("kernels", cpu, error) for cpu, error in ((10.0, 0.05), (10.0, 0.03), (0.5, 1.0), (1e3, 0.05))]
+    entry = {"stills": [row("samples", 100.0, 0.001), *kernels, row("Conelight", 1.0, 0.1), row("samples", 50.0, 0.5),
+                        row("voxels", 0.1, 1e-9), row("Cycles", 0.1, 1e-9)]}
+    numbers.compare_kernels(entry)
+    found = [kernel["equal_time"] for kernel in kernels]
+    assert [own["relative_mse"] for own in found] == pytest.approx([0.01, 0.01, 0.1, 0.001])
+    assert [own["ratio"] for own in found] == pytest.approx([5.0, 3.0, 10.0, 50.0])
+    assert [own["holds"] for own in found] == [True, False, True, True]
+    assert [own["is_reached"] for own in found] == [True, True, False, True]
+    assert not any("equal_time" in other for other in entry["stills"] if other["group"] != "kernels")
+
+
+def test_fetches_of_faces_and_of_pixels() -> None:
+    info = {"fetches": {"gather": 600, "link": 900, "film": 20},
+            "statistics": {"resolution": [5, 2], "mean_samples": 2.0, "samples": 2, "faces": 30}}
+    found = numbers._fetches("conelight-draft", info)
+    assert found["each"] == pytest.approx({"gather": 30.0, "link": 30.0, "film": 1.0})
+    assert found["total"] == info["fetches"]
+
+
 # ---- jobs --------------------------------------------------------------------------------------------------------
 
 
@@ -143,6 +169,27 @@ def test_code_is_known_without_its_comments(tmp_path: Path) -> None:
     plain = code('"""One."""\ndef f(x):\n    """Two."""\n    return x + 1\n')
     assert plain == code('"""Other."""\n# no\ndef f(x):\n    """Words."""\n    return (x +\n        1)\n')
     assert plain != code('"""One."""\ndef f(x):\n    """Two."""\n    return x + 2\n')
+
+
+def test_changes_to_shaders_are_in_a_key_only_where_they_are_made() -> None:
+    plain = Job("conelight", (8, 6))
+    changed = [replace(plain, kernel="seed-6"), replace(plain, counts_fetches=True)]
+    assert not {"kernel", "counts_fetches"} & set(plain.as_dict())
+    assert len({job.key() for job in (plain, *changed)}) == len({job.process for job in (plain, *changed)}) == 3
+    for job in changed:
+        assert Job.from_dict(json.loads(json.dumps(job.as_dict()))) == job
+        assert store.shader_changes(job) and not store.shader_changes(plain)
+
+
+def test_plan_of_kernels_and_fetches() -> None:
+    """Kernels trace cones, with few passes and many; fetches are counted once for what differs only in its passes."""
+    (plan,), _ = plans(parsed("--scenes", "interior", "--peers", "kernel-*", "conelight-draft", "samples-4", "cycles-4",
+                              "--only", "stills"))
+    kernels = [plan.stills[f"kernel-{name}{many}"] for name in ("seed-6", "six-60", "sixteen") for many in ("", "-x4")]
+    assert all(("gather_mode", "CONES") in job.assignments and job.kernel and job.passes for job in kernels)
+    assert [job.samples for job in kernels] == [1, 4] * 3
+    assert set(plan.fetches) == {"conelight-draft", "kernel-seed-6", "kernel-six-60", "kernel-sixteen"}
+    assert all(job.counts_fetches and job in plan.jobs for job in plan.fetches.values())
 
 
 def test_plan_of_a_scene() -> None:

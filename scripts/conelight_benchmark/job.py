@@ -16,7 +16,9 @@ from .catalogue import Motion
 class Job:
     """``assignments``: settings of Conelight as on a command line. ``denoiser`` (Cycles): empty, ``default`` or
     ``fast``. ``lamps_only`` (Cycles): only light that comes straight from lamps, and what the camera sees glowing.
-    ``frames``: 0 for a picture, else a sequence along ``motion``. ``timed``: a reference is not."""
+    ``frames``: 0 for a picture, else a sequence along ``motion``. ``timed``: a reference is not. ``kernel``: what
+    stands in for Conelight's gather, by its name in ``kernels.py``. ``counts_fetches``: numbers of ``fetches.py`` are
+    all that comes of it."""
 
     engine: str
     size: tuple[int, int]
@@ -30,13 +32,22 @@ class Job:
     frames: int = 0
     motion: Motion | None = None
     timed: bool = True
+    kernel: str = ""
+    counts_fetches: bool = False
 
     def key(self, *surroundings: str) -> str:
         """A name for the results of this job, given what else they depend on."""
         return digest(json.dumps([self.as_dict(), *surroundings], sort_keys=True))
 
     def as_dict(self) -> dict[str, Any]:
-        return dataclasses.asdict(self)
+        """All fields; of the changes to Conelight's shaders only those that are made."""
+        values = dataclasses.asdict(self)
+        return {name: value for name, value in values.items() if value or name not in ("kernel", "counts_fetches")}
+
+    @property
+    def process(self) -> tuple[str, str, bool]:
+        """Jobs for which this is the same can be rendered by one process."""
+        return self.engine, self.kernel, self.counts_fetches
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Job:

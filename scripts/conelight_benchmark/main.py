@@ -8,6 +8,7 @@ crashes costs no more than the job it was at.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import signal
@@ -83,8 +84,9 @@ def render_all(store: Store, todo: Sequence[Plan]) -> list[str]:
                 say(str(error))
                 bar.update(len(jobs))
                 continue
-            for engine in ENGINES:
-                failures += render(store, plan.scene, [job for job in jobs if job.engine == engine], bar)
+            jobs.sort(key=lambda job: (ENGINES.index(job.engine), job.process))
+            for _, alike in itertools.groupby(jobs, key=lambda job: job.process):
+                failures += render(store, plan.scene, list(alike), bar)
     return failures
 
 
@@ -100,7 +102,8 @@ def build(store: Store, scene: BenchmarkScene) -> None:
 
 
 def render(store: Store, scene: BenchmarkScene, jobs: Sequence[Job], bar: tqdm) -> list[str]:
-    """Renders jobs of one engine, in a new process again after one that failed. Returns what is to be said of those."""
+    """Renders jobs that one process can do, in a new one again after one that failed. Returns what is to be said of
+    those."""
     failures: list[str] = []
     left = list(jobs)
 

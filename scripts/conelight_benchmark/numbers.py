@@ -7,6 +7,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from . import measure
 from .catalogue import BenchmarkScene
 from .job import Job
@@ -20,6 +22,12 @@ Row = dict[str, Any]
 TARGET_PEER = "cycles-64"
 #: The peer that a moving camera is measured against.
 MOVING_PEER = "cycles-4-oidn-fast"
+#: Times as large as Conelight's error, at least, is that of a published kernel to be at equal time.
+KERNEL_BAR = 4.0
+#: What points on Conelight's curve of error against time are of.
+OWN_GROUPS = ("Conelight", "samples")
+#: Kernels whose fetches are told for each voxel face; those of others for each pixel and pass.
+FACE_KERNELS = ("link", "inject", "bounce", "cones")
 
 
 def reference_of(plan: Plan, store: Store) -> measure.Reference | None:
@@ -43,8 +51,36 @@ def of_scene(plan: Plan, store: Store, reference: measure.Reference | None) -> R
         result = store.result(scene, job)
         if result is not None and (reference is not None or not scene.has_reference):
             entry["stills"].append(_cost(name, result) | _errors(scene, name, job, result, reference))
+    compare_kernels(entry)
+    counted = {name: store.result(scene, job) for name, job in plan.fetches.items()}
+    entry["fetches"] = [_fetches(name, result.info) for name, result in counted.items() if result is not None]
     entry["frames"] = list(_sequences(plan, store))
     return entry
+
+
+def compare_kernels(entry: Row) -> None:
+    """Adds to the rows of published kernels, as ``equal_time``, what Conelight reaches in their time. Where it has no
+    point that is as quick, ``is_reached`` is false and its quickest one counts."""
+    curve = _front(entry["stills"], OWN_GROUPS, "judged")
+    for row in entry["stills"]:
+        if row["group"] == "kernels" and curve:
+            own = error_at(curve, row["cpu_ms"])
+            ratio = row["judged"]["relative_mse"] / own
+            row["equal_time"] = {
+                "relative_mse": own, "ratio": ratio, "is_reached": curve[0][0] <= row["cpu_ms"],
+                "bar": KERNEL_BAR, "holds": ratio >= KERNEL_BAR,
+            }
+
+
+def _fetches(name: str, info: dict[str, Any]) -> Row:
+    """Texel fetches by kernel: of the whole render, and for each voxel face or pixel and pass."""
+    statistics = info["statistics"]
+    pixels = math.prod(statistics["resolution"]) * statistics["mean_samples"]
+    each = {name: max(statistics["faces"] if name in FACE_KERNELS else pixels, 1) for name in info["fetches"]}
+    return {
+        "peer": name, "samples": statistics["samples"], "total": info["fetches"],
+        "each": {kernel: count / each[kernel] for kernel, count in info["fetches"].items()},
+    }
 
 
 def _cost(name: str, result: Result) -> Row:
@@ -111,21 +147,31 @@ def find(entry: Row, peer: str, where: str = "stills") -> Row | None:
     return next((row for row in entry[where] if row["peer"] == peer), None)
 
 
-def time_to(entry: Row, error: float, groups: Sequence[str] = ("Conelight", "samples")) -> float | None:
+def _front(rows: Sequence[Row], groups: Sequence[str], measure: str) -> list[tuple[float, float]]:
+    """CPU time (ms) and relative mean squared error of what is both slower and better than all before it."""
+    found: list[tuple[float, float]] = []
+    for row in sorted(rows, key=lambda row: row["cpu_ms"]):
+        if row["group"] in groups and "relative_mse" in row.get(measure, {}):
+            error = max(row[measure]["relative_mse"], 1e-12)
+            if not found or error < found[-1][1]:
+                found.append((row["cpu_ms"], error))
+    return found
+
+
+def time_to(entry: Row, error: float) -> float | None:
     """CPU time (ms) in which Conelight reaches a full-image error: between the two measurements around it, by a
     straight line between logarithms; None: no measurement reaches it."""
-    rows = [row for row in entry["stills"] if row["group"] in groups and "full" in row]
-    best: float | None = None
-    last: tuple[float, float] | None = None
-    for row in sorted(rows, key=lambda row: row["cpu_ms"]):
-        point = (row["cpu_ms"], max(row["full"]["relative_mse"], 1e-12))
-        if last is not None and point[1] >= last[1]:
-            continue  # slower and no better
-        if point[1] <= error and best is None:
-            if last is None:
-                best = point[0]
-            else:
-                share = math.log(last[1] / error) / math.log(last[1] / point[1])
-                best = last[0] * (point[0] / last[0]) ** share
-        last = point
-    return best
+    curve = _front(entry["stills"], OWN_GROUPS, "full")
+    if not curve or curve[-1][1] > error:
+        return None
+    return _between([(math.log(1.0 / point), cpu) for cpu, point in curve], math.log(1.0 / error))
+
+
+def error_at(curve: Sequence[tuple[float, float]], cpu_ms: float) -> float:
+    """Error reached in a time, by a straight line between logarithms; outside the curve that of its end."""
+    return _between([(math.log(cpu), error) for cpu, error in curve], math.log(cpu_ms))
+
+
+def _between(points: Sequence[tuple[float, float]], x: float) -> float:
+    """y at x, its logarithm linear between ``points`` (x ascending), constant outside."""
+    return float(np.exp(np.interp(x, [point[0] for point in points], np.log([point[1] for point in points]))))

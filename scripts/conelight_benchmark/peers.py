@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Who is measured: engines with their numbers, by name. A variant of Conelight is a peer with other settings."""
+"""Who is measured: engines with their numbers, by name. A variant of Conelight is a peer with other settings, or with
+another kernel in place of its gather."""
 
 from __future__ import annotations
 
@@ -9,11 +10,13 @@ from conelight_cli.arguments import PRESET_NAMES
 
 from .catalogue import BenchmarkScene
 from .job import Job
+from .kernels import KERNELS
 
 
 @dataclass(frozen=True)
 class Peer:
-    """``group``: what its points are joined by in plots. ``voxels``: along the longest side, instead of the scene's."""
+    """``group``: what it is compared with. ``voxels``: along the longest side, instead of the scene's. ``kernel``: as
+    in :class:`.job.Job`."""
 
     name: str
     group: str
@@ -23,6 +26,7 @@ class Peer:
     denoiser: str = ""
     voxels: int | None = None
     assignments: tuple[tuple[str, str], ...] = ()
+    kernel: str = ""
 
     def job(self, scene: BenchmarkScene, size: tuple[int, int]) -> Job:
         """What is rendered for this peer."""
@@ -33,17 +37,31 @@ class Peer:
         splits = self.engine == "conelight" or (self.engine == "cycles" and not self.denoiser)
         return Job(
             self.engine, size, samples=self.samples, preset=self.preset, assignments=assignments,
-            denoiser=self.denoiser, passes=splits and scene.measure == "indirect",
+            denoiser=self.denoiser, passes=splits and scene.measure == "indirect", kernel=self.kernel,
         )
+
+    @property
+    def curve(self) -> str:
+        """What its points are joined by in a plot of error against time."""
+        if self.kernel:
+            return f"kernel {self.kernel}"
+        return {"Conelight": "Conelight, presets", "samples": "Conelight, samples"}.get(self.group, self.group)
 
 
 CYCLES_SAMPLES = (1, 4, 16, 64, 256)
 VOXELS = (32, 64, 128, 256)
 SAMPLES = (1, 2, 4, 8, 16, 32, 64, 128)
 
-#: Other ways to trace the same voxels would be listed here, as settings: ``Peer("name", "kernels", "conelight",
-#: preset="balanced", assignments=(("gather_mode", "CONES"),))``.
-KERNELS: tuple[Peer, ...] = ()
+#: Passes of the published kernels. They are the same in every pass: more passes only smooth edges and soft shadows.
+KERNEL_SAMPLES = (1, 4, 16)
+
+
+def _kernel(name: str, samples: int) -> Peer:
+    return Peer(
+        f"kernel-{name}" + (f"-x{samples}" if samples > 1 else ""), "kernels", "conelight", samples, preset="balanced",
+        assignments=(("gather_mode", "CONES"),), kernel=name,
+    )
+
 
 PEERS: dict[str, Peer] = {
     peer.name: peer
@@ -55,7 +73,7 @@ PEERS: dict[str, Peer] = {
         Peer("eevee-16", "EEVEE", "eevee", 16),
         *(Peer(f"voxels-{n}", "voxels", "conelight", preset="balanced", voxels=n) for n in VOXELS),
         *(Peer(f"samples-{n}", "samples", "conelight", n, preset="balanced") for n in SAMPLES),
-        *KERNELS,
+        *(_kernel(name, n) for name in KERNELS for n in KERNEL_SAMPLES),
     )
 }
 
@@ -64,6 +82,9 @@ ALONE = ("Conelight", "voxels", "kernels")
 
 QUICK = ("conelight-draft", "conelight-balanced", "cycles-1", "cycles-4", "cycles-16", "cycles-4-oidn-fast")
 SEQUENCE = ("conelight-draft", "conelight-balanced", "cycles-4", "cycles-4-oidn-fast")
+
+#: Groups whose fetches are counted, and in how many passes.
+COUNTED, COUNTED_SAMPLES = ("Conelight", "kernels"), 2
 
 REFERENCE_SEEDS = (101, 102, 103)  # no other render has them: noise of one must not be in another
 SMOOTH_SHARE = 4  # one part in so many of a half's samples is enough where noise is removed

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 
@@ -23,12 +23,13 @@ class Plan:
     scene: BenchmarkScene
     reference: dict[str, Job] = field(default_factory=dict)
     stills: dict[str, Job] = field(default_factory=dict)
+    fetches: dict[str, Job] = field(default_factory=dict)  # of some of these peers
     sequence_reference: dict[str, Job] = field(default_factory=dict)
     sequences: dict[str, Job] = field(default_factory=dict)
 
     @property
     def jobs(self) -> list[Job]:
-        parts = (self.reference, self.stills, self.sequence_reference, self.sequences)
+        parts = (self.reference, self.stills, self.fetches, self.sequence_reference, self.sequences)
         return [job for part in parts for job in part.values()]
 
 
@@ -62,9 +63,22 @@ def _plan(scene: BenchmarkScene, everyone: Sequence[Peer], arguments: Arguments)
     plan = Plan(scene, reference)
     if "stills" in arguments.only:
         plan.stills.update({peer.name: peer.job(scene, size) for peer in here})
+        if scene.has_reference and not arguments.quick:
+            plan.fetches.update(_counts(plan.stills))
     if scene.name in MOTIONS and not arguments.quick and {"references", "sequences"} & set(arguments.only):
         _add_sequences(plan, everyone, arguments)
     return plan
+
+
+def _counts(stills: dict[str, Job]) -> Iterator[tuple[str, Job]]:
+    """Of peers that differ only in their passes, the first."""
+    found = set()
+    for name, still in stills.items():
+        if PEERS[name].group in peers.COUNTED:
+            job = replace(still, samples=peers.COUNTED_SAMPLES, passes=False, counts_fetches=True)
+            if job not in found:
+                found.add(job)
+                yield name, job
 
 
 def _add_sequences(plan: Plan, everyone: Sequence[Peer], arguments: Arguments) -> None:

@@ -25,7 +25,7 @@ def of_scene(folder: Path, entry: Row) -> list[str]:
     rows = [row for row in entry["stills"] if "relative_mse" in row["judged"]]
     if not rows:
         return []
-    names = [_error_and_time(folder, entry, [row for row in rows if row["group"] not in ("samples", "voxels")])]
+    names = [_error_and_time(folder, entry, [row for row in rows if row["group"] != "voxels"])]
     for group in ("samples", "voxels"):
         curve = [row for row in rows if row["group"] == group]
         if len(curve) > 1:
@@ -36,9 +36,9 @@ def of_scene(folder: Path, entry: Row) -> list[str]:
 def _error_and_time(folder: Path, entry: Row, rows: list[Row]) -> str:
     figure = Figure(figsize=(7, 4.5), layout="constrained")
     axes = figure.add_subplot()
-    for group in dict.fromkeys(row["group"] for row in rows):
-        points = [(row["cpu_ms"] / 1e3, _positive(row)) for row in rows if row["group"] == group]
-        axes.loglog(*zip(*sorted(points), strict=True), "o-", label=group)
+    for curve in dict.fromkeys(PEERS[row["peer"]].curve for row in rows):
+        points = [(row["cpu_ms"] / 1e3, _positive(row)) for row in rows if PEERS[row["peer"]].curve == curve]
+        axes.loglog(*zip(*sorted(points), strict=True), "o-", label=curve)
     axes.set_xlabel("CPU time of the render, s")
     return _finish(folder, figure, entry, "time")
 

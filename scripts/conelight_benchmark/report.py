@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from . import numbers, plots
-from .numbers import MOVING_PEER, TARGET_PEER, Row, find, time_to
+from .numbers import KERNEL_BAR, MOVING_PEER, TARGET_PEER, Row, find, time_to
+from .peers import COUNTED_SAMPLES
 from .plan import Plan
 from .store import Store, blender_version, code_digest, machine
 
@@ -51,7 +52,9 @@ def markdown(content: Row) -> Iterator[str]:
     yield from (f"\n**Failed:** {text}" for text in content["failures"])
     sections = (
         ("Bars", _bars(scenes)), ("Constant pictures", _constant(scenes)), ("Brightness", _brightness(scenes)),
-        (f"Time to the error of {TARGET_PEER}", _quality(scenes)), ("Moving camera", _moving(scenes)),
+        (f"Time to the error of {TARGET_PEER}", _quality(scenes)),
+        ("Published kernels at equal time", _kernels(scenes)), ("Texel fetches", _fetches(scenes)),
+        ("Moving camera", _moving(scenes)),
     )
     for title, table in sections:
         lines = list(table)
@@ -128,6 +131,33 @@ def _quality(scenes: Sequence[Row]) -> Iterator[str]:
     return _table(("scene", "relMSE, full image", f"{TARGET_PEER}, CPU s", "Conelight, CPU s", "ratio"), rows)
 
 
+def _kernels(scenes: Sequence[Row]) -> Iterator[str]:
+    rows = []
+    for entry in scenes:
+        for row in entry["stills"]:
+            if "equal_time" in row:
+                own = row["equal_time"]
+                verdict = "holds" if own["holds"] else "**fails**"
+                rows.append((
+                    entry["scene"], row["peer"], _seconds(row["cpu_ms"]), _error(_judged_error(row)),
+                    _error(own["relative_mse"]), f"{own['ratio']:.3g}",
+                    verdict if own["is_reached"] else f"{verdict}, in more time",
+                ))
+    return _table(("scene", "peer", "CPU s", "relMSE", "Conelight in that time", "ratio",
+                   f"at least {KERNEL_BAR:g}"), rows)
+
+
+def _fetches(scenes: Sequence[Row]) -> Iterator[str]:
+    pixel, face = ("gather", "reflect", "direct"), ("link", "inject")
+    rows = []
+    for entry in scenes:
+        for row in entry.get("fetches", ()):
+            cells = [f"{row['each'][name]:.0f}" if name in row["each"] else "" for name in (*pixel, *face)]
+            rows.append((entry["scene"], row["peer"], *cells, f"{sum(row['total'].values()) / 1e6:.0f}"))
+    return _table(("scene", "peer", *(f"{name}, each pixel and pass" for name in pixel),
+                   *(f"{name}, each face" for name in face), f"all, {COUNTED_SAMPLES} passes, millions"), rows)
+
+
 def _moving(scenes: Sequence[Row]) -> Iterator[str]:
     header = ("scene", "peer", "CPU s, all frames", "wall s", "relMSE", "bias", "flicker", "flicker, rms",
               "first frame, CPU s", "first frame, relMSE", f"time, error, flicker rms / {MOVING_PEER}")
@@ -162,7 +192,8 @@ def _scene(entry: Row) -> Iterator[str]:
         ]
         if has_indirect:
             cells += [_error(indirect["relative_mse"]), _percent(indirect["bias"])] if indirect else ["", ""]
-        rows.append([*cells, f"{row['peak_rss'] / 2**20:.0f}"])
-    yield from _table([*header, "peak MiB"], rows)
+        objects = sum(row["statistics"].get("memory", {}).values())
+        rows.append([*cells, f"{row['peak_rss'] / 2**20:.0f}", f"{objects / 2**20:.0f}" if objects else ""])
+    yield from _table([*header, "peak MiB", "buffers and textures, MiB"], rows)
     for name in entry["pictures"]:
         yield from ("", f"![{entry['scene']}]({name})")

@@ -45,7 +45,7 @@ class Store:
     def result_folder(self, scene: BenchmarkScene, job: Job) -> Path:
         """Where the results of a job are, or will be."""
         if job.timed:
-            code = code_digest() if job.engine == "conelight" else ""
+            code = code_digest() + shader_changes(job) if job.engine == "conelight" else ""
             key = job.key(scene_key(scene), blender_version(), code, machine())
             return self.folder / "measurements" / f"{scene.name}-{key}"
         return self.folder / "references" / f"{scene.name}-{job.key(scene_key(scene), blender_version())}"
@@ -122,6 +122,14 @@ def code_digest() -> str:
     folders = (ROOT / "addon", ROOT / "shaders")
     paths = sorted(path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".glsl"))
     return digest(*contents(paths))
+
+
+def shader_changes(job: Job) -> str:
+    """Changes with the code that changes the engine's shaders for a job; empty where they stay as they are."""
+    here = Path(__file__).parent
+    paths = [here / "kernels" / "gather.comp.glsl"] if job.kernel else []
+    paths += [here / "fetches.py"] if job.counts_fetches else []
+    return digest(*contents(paths)) if paths else ""
 
 
 @cache

@@ -32,6 +32,7 @@ from mathutils import Matrix, Vector  # noqa: E402
 from addon.host.film import PASSES  # noqa: E402
 from blender_tests.pictures import Picture, write  # noqa: E402
 
+from . import fetches, kernels  # noqa: E402
 from .job import Job  # noqa: E402
 from .store import INFO, filling  # noqa: E402
 
@@ -56,11 +57,15 @@ def main(jobs_file: Path) -> NoReturn:
 def render_all(jobs_file: Path) -> None:
     """Renders the jobs of a file in their order."""
     work = json.loads(jobs_file.read_text(encoding="utf-8"))
-    for entry in work["jobs"]:
-        run(Path(work["scene"]), Job.from_dict(entry["job"]), Path(entry["folder"]))
+    jobs = [(Job.from_dict(entry["job"]), Path(entry["folder"])) for entry in work["jobs"]]
+    if kernel := jobs[0][0].kernel:  # all jobs of a process have the same
+        kernels.install(kernel)
+    counter = fetches.install() if jobs[0][0].counts_fetches else None
+    for job, folder in jobs:
+        run(Path(work["scene"]), job, folder, counter)
 
 
-def run(scene_file: Path, job: Job, folder: Path) -> None:
+def run(scene_file: Path, job: Job, folder: Path, counter: fetches.FetchCounter | None) -> None:
     """Renders one job into ``folder``."""
     print(f"{scene_file.parent.name}: {job}", flush=True)
     # Settings and passes of the job before must not stay, so the file is read again.
@@ -73,11 +78,14 @@ def run(scene_file: Path, job: Job, folder: Path) -> None:
     if job.engine == "cycles":
         _prepare_cycles(scene, job)
     _ask_for_passes(scene, job.passes and job.engine == "cycles")
-    if job.timed:
+    if job.timed and counter is None:
         _warm_up(scene, job)
     scene.render.resolution_x, scene.render.resolution_y = job.size
     with filling(folder) as place:
-        info = _sequence(scene, job, engine, place) if job.frames else _still(scene, job, engine, place)
+        if counter is not None:
+            info = _count_fetches(scene, engine, counter)
+        else:
+            info = _sequence(scene, job, engine, place) if job.frames else _still(scene, job, engine, place)
         info |= {"job": job.as_dict(), "frames": job.frames, "blender": bpy.app.version_string}
         (place / INFO).write_text(json.dumps(info, indent=1) + "\n", encoding="utf-8")
 
@@ -145,6 +153,11 @@ def _still(scene: Any, job: Job, engine: engines.Engine, place: Path) -> dict[st
     if job.passes:
         _save_parts(scene, job, place, passes)
     return {**runs[len(runs) // 2], "runs": len(runs)}
+
+
+def _count_fetches(scene: Any, engine: engines.Engine, counter: fetches.FetchCounter) -> dict[str, Any]:
+    bpy.ops.render.render(scene=scene.name)
+    return {"statistics": engine.frame_statistics(0.0), "fetches": counter.counts}
 
 
 def _save_parts(scene: Any, job: Job, place: Path, passes: dict[str, Picture]) -> None:

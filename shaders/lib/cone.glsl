@@ -25,6 +25,10 @@ struct Cone {
 // between them (measured: walls of one cell, half-angles to 30 degrees).
 const float CONE_GAIN = 1.25;
 
+// Cells are no larger than this share of their height above the receiver, however wide the cone is: larger ones hold the
+// receiver's own back, and what lies behind it.
+const float CONE_CLEARANCE = 1.0 / 3.0;
+
 vec4 trace_cone(Cone cone)
 {
     float t = 0.5 * cone_cell;
@@ -35,24 +39,21 @@ vec4 trace_cone(Cone cone)
     vec3 box = vec3(cone_size) * cone_cell;
     float deepest = float(cone_levels - 1);
     for (int i = 0; i < 256 && t < cone.limit && transmittance > 0.002; ++i) {
-        float width = max(cone_cell, 2.0 * t * cone.tan_half);
+        vec3 p = start + cone.direction * t;
+        float height = dot(p - cone.origin, cone.normal);
+        float width = max(cone_cell, min(2.0 * t * cone.tan_half, CONE_CLEARANCE * height));
         float level = min(log2(width / cone_cell), deepest);
         float side = cone_cell * exp2(level);
-        vec3 p = start + cone.direction * t;
         if (any(lessThan(p, vec3(-0.5 * side))) || any(greaterThan(p, box + 0.5 * side))) {
             break;
         }
-        float height = dot(p - cone.origin, cone.normal);  // above the receiver's tangent plane
         vec4 q = vec4(0.0);
         for (int axis = 0; axis < 3; ++axis) {
             // The facing that looks against the cone.
             bool negative = cone.direction[axis] > 0.0;
-            float facing_normal = negative ? -cone.normal[axis] : cone.normal[axis];
-            // Both sides of a sheet are in the same cells: the receiver's own back must not count near it.
-            float keep = height < 2.0 * side && facing_normal < 0.0 ? 1.0 + facing_normal : 1.0;
             vec3 at = clamp(p, vec3(0.0), box);
             at.z += float((2 * axis + (negative ? 1 : 0)) * cone_stride) * cone_cell;
-            q += abs(cone.direction[axis]) * keep * textureLod(cones_tex, at * scale, level);
+            q += abs(cone.direction[axis]) * textureLod(cones_tex, at * scale, level);
         }
         q *= CONE_GAIN;
         float f = q.a > 0.0 ? min(1.0, transmittance / q.a) : 0.0;

@@ -24,43 +24,61 @@ uniform int children;        // cells on a side that one cell is made of
 
 const float MAX_OPACITY = 4.0;  // layers that one cell can hold
 
+#if FIRST
+// Whether any cell of a box is occupied, as far as whole bricks tell.
+bool may_be_occupied(ivec3 first, ivec3 last)
+{
+    ivec3 low = first / BRICK;
+    ivec3 high = min(last, grid_size - 1) / BRICK;
+    uint found = 0u;
+    for (int z = low.z; z <= high.z; ++z)
+    for (int y = low.y; y <= high.y; ++y)
+    for (int x = low.x; x <= high.x; ++x) {
+        uvec4 brick = texelFetch(bricks_tex, ivec3(x, y, z), 0);
+        found |= brick.x | brick.y;
+    }
+    return found != 0u;
+}
+#endif
+
 void main()
 {
-    ivec3 at = ivec3(gl_GlobalInvocationID);
-    int facing = at.z / level_stride;
-    ivec3 cell = ivec3(at.xy, at.z - facing * level_stride);
-    if (any(greaterThanEqual(at.xy, level_size.xy)) || facing >= 6) {
+    ivec3 cell = ivec3(gl_GlobalInvocationID);
+    if (any(greaterThanEqual(cell, level_size))) {
         return;
     }
-    vec4 sum = vec4(0.0);
-    if (cell.z < level_size.z) {
-        for (int z = 0; z < children; ++z)
-        for (int y = 0; y < children; ++y)
-        for (int x = 0; x < children; ++x) {
-            ivec3 child = cell * children + ivec3(x, y, z);
+    vec4 sums[6] = vec4[6](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+    ivec3 first = cell * children;
+    int count = children;
 #if FIRST
-            uint index = cell_index(child);
-            if (index != NONE_INDEX) {
-                uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
-                for (uint other = 0u; other < 6u; ++other) {
-                    if (has_facing(record, other)) {
-                        uint face = face_index(record, other);
-                        vec3 place, normal;
-                        fetch_face_place(face, place, normal);
-                        float opacity = fetch_face_reflectance(face).a * max(dot(normal, facing_vector(uint(facing))), 0.0);
-                        sum += opacity * vec4(texelFetch(face_radiance_tex, list_texel(face), 0).rgb, 1.0);
-                    }
-                }
-            }
-#else
-            child.z += facing * level_stride * children;
-            sum += texelFetch(cones_tex, child, finer_level);
+    count = may_be_occupied(first, first + children - 1) ? children : 0;
 #endif
+    for (int z = 0; z < count; ++z)
+    for (int y = 0; y < count; ++y)
+    for (int x = 0; x < count; ++x) {
+        ivec3 child = first + ivec3(x, y, z);
+#if FIRST
+        uint index = cell_index(child);
+        uvec4 record = index == NONE_INDEX ? uvec4(0u) : texelFetch(cells_tex, list_texel(index), 0);
+        uint end = record.z + bitCount(record.w);
+        for (uint face = record.z; face < end; ++face) {
+            vec3 place, normal;
+            fetch_face_place(face, place, normal);
+            float area = fetch_face_reflectance(face).a;
+            vec4 light = vec4(texelFetch(face_radiance_tex, list_texel(face), 0).rgb, 1.0);
+            for (int facing = 0; facing < 6; ++facing) {
+                sums[facing] += area * max(dot(normal, facing_vector(uint(facing))), 0.0) * light;
+            }
         }
-        sum /= float(children * children);
-        if (sum.a > MAX_OPACITY) {
-            sum *= MAX_OPACITY / sum.a;
+#else
+        for (int facing = 0; facing < 6; ++facing) {
+            sums[facing] += texelFetch(cones_tex, child + ivec3(0, 0, facing * level_stride * children), finer_level);
         }
+#endif
     }
-    imageStore(level_img, at, clamp(sum, 0.0, 65000.0));
+    for (int facing = 0; facing < 6; ++facing) {
+        vec4 sum = sums[facing] / float(children * children);
+        sum *= MAX_OPACITY / max(sum.a, MAX_OPACITY);
+        imageStore(level_img, cell + ivec3(0, 0, facing * level_stride), clamp(sum, 0.0, 65000.0));
+    }
 }
