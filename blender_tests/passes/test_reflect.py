@@ -11,6 +11,8 @@ import pytest
 
 from addon.gpu.context import GpuContext
 from addon.materials.graph import ImageData, ImageEncoding, ImageSet, MaterialData
+from addon.passes.frame import Frame, Gather
+from addon.passes.reflect import _layer_frame
 from addon.scene import LightKind, SceneData
 from addon.settings import Settings
 from blender_tests.material_shader import material, node
@@ -173,3 +175,15 @@ def test_only_sharp_gloss_has_layers(gpu: GpuContext) -> None:
         assert not follows and "reflected surfaces" not in found
     found, follows = memory(0.1)
     assert follows and "reflected surfaces" in found
+
+
+def test_layers_draw_points_of_their_own(gpu: GpuContext) -> None:
+    """No layer of a pass, nor the picture itself, draws the points of another: products of them would be wrong."""
+    with pipeline(gpu, wall_and_mirror(scenes.diffuse(), in_mirror=True), Settings(samples=1), (8, 8)) as ready:
+        surface, features = ready._surface.pictures, ready.features
+        assert surface is not None and features is not None
+        for index in (1, 2, 7):
+            frame = Frame(index, index, Gather(index, index), ready._camera, (0.5, 0.5), surface, features, Settings())
+            layers = [_layer_frame(frame, surface, number) for number in range(4)]
+            assert len({frame.sample, *(layer.sample for layer in layers)}) == 5
+            assert [layer.gather.sample for layer in layers if layer.gather] == [layer.sample for layer in layers]
