@@ -49,6 +49,8 @@ class Features:
     gather_occlusion: bool
     draws_emitters_at_faces: bool  # points on emitters, weighed against rays that meet them
     draws_emitters_at_pixels: bool
+    draws_world_at_faces: bool  # directions drawn by the world's light, weighed against rays that leave the scene
+    draws_world_at_pixels: bool
     gathers_emission: bool  # rays bring the emission that they meet
     reflects_emission: bool
     keeps_light: bool  # passes or frames take over light at pixels from those before
@@ -68,9 +70,11 @@ class Features:
         least_roughness: float,
         transmission: bool,
         world: bool,
+        concentrated_world: bool,
     ) -> Features:
         """``smooth_shading``: what the meshes have, ``diffuse`` ... ``world``: the compiled materials and the world.
-        ``small_emitters``: points on emitters find more than rays do. ``least_roughness``: of what is glossy."""
+        ``small_emitters``: points on emitters find more than rays do. ``least_roughness``: of what is glossy.
+        ``concentrated_world``: directions drawn by the world's light find more than rays do."""
         has_geometry = any(len(scene.meshes[i.mesh].triangle_vertices) for i in scene.instances)
         lit = bool(scene.lights) or emission or world
         occlusion = settings.gather_mode == "OCCLUSION"
@@ -83,7 +87,8 @@ class Features:
         # Rays alone suffice for large emitters, where there are rays and nothing ends them early.
         rays_suffice = (gathers_emission or not diffuse) and settings.max_distance <= 0.0 and not occlusion
         draws_at_pixels = wants_direct and emission and (small_emitters or not rays_suffice)
-        direct = wants_direct and (bool(scene.lights) or draws_at_pixels)
+        draws_world = wants_direct and concentrated_world and settings.gather_mode == "RAYS" and (gather or glossy)
+        direct = wants_direct and (bool(scene.lights) or draws_at_pixels or draws_world)
         shadow_cones = wants_direct and bool(scene.lights) and settings.use_shadows and settings.shadow_mode == "CONE"
         needs_radiance = ((gather or glossy) and not occlusion) or shadow_cones
         gather_cones = gather and settings.gather_mode == "CONES"
@@ -120,6 +125,8 @@ class Features:
             gather_occlusion=occlusion and (gather or glossy),
             draws_emitters_at_faces=needs_radiance and emission and small_emitters,
             draws_emitters_at_pixels=draws_at_pixels,
+            draws_world_at_faces=needs_radiance and concentrated_world,
+            draws_world_at_pixels=draws_world,
             gathers_emission=gathers_emission,
             reflects_emission=reflects_emission,
             keeps_light=gather and (settings.reuse_frames or settings.gather_interval > 1),

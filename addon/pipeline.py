@@ -193,6 +193,7 @@ class Pipeline:
             least_roughness=materials.least_roughness,
             transmission=materials.has_transmission,
             world=self._world.is_lit,
+            concentrated_world=self._world.is_concentrated,
         )
         self.features = features
 
@@ -262,11 +263,13 @@ class Pipeline:
         settings, memo = self._settings, self._memo
         voxels = self._voxelize.voxels
         assert voxels is not None
-        drawn = features.draws_emitters_at_faces
-        links = (settings.bounce_rays, settings.seed, drawn)
+        drawn, world_drawn = features.draws_emitters_at_faces, features.draws_world_at_faces
+        links = (settings.bounce_rays, settings.seed, drawn, world_drawn)
         if features.needs_links and memo.stale("links", *links):
             memo.forget("radiance")
-            for share in self._links.run(voxels, self._world, self._emitters, drawn=drawn, settings=settings):
+            for share in self._links.run(
+                voxels, self._world, self._emitters, drawn=drawn, world_drawn=world_drawn, settings=settings
+            ):
                 yield Progress(0.3 + 0.5 * share, "Linking voxels")
             memo.done("links", *links)
         if not features.needs_links:
@@ -274,11 +277,13 @@ class Pipeline:
             memo.forget("links")
         light = (
             settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.needs_links, drawn,
+            world_drawn,
         )  # fmt: skip
         if memo.stale("radiance", *light):
-            if features.has_lights or drawn:
+            if features.has_lights or drawn or world_drawn:
                 emitters = self._emitters if drawn else None
-                for share in self._inject.run(voxels, self._lights, emitters, settings):
+                world = self._world if world_drawn else None
+                for share in self._inject.run(voxels, self._lights, emitters, world, settings):
                     yield Progress(0.8 + 0.1 * share, "Lighting voxels")
             else:
                 self._inject.release()

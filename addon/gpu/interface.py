@@ -61,7 +61,7 @@ TEXTURES = (
     "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells
     "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them
     "TEX_FACE_RADIANCE",  # rgba32f 2D list: radiance leaving each voxel face
-    "TEX_WORLD",  # rgba32f 2D: radiance of the world, equirectangular
+    "TEX_WORLD",  # rgba32f 2D: radiance of the world, equirectangular; w: density of directions drawn by it
     "TEX_CONES",  # rgba16f 3D: six facings side by side in z, with coarser levels
     "TEX_POSITION",  # rgba32f 2D, pixels: grid space; w: 0 nothing there, 1 a surface, 2 a light
     "TEX_NORMAL",  # rgba16 2D, pixels: shading and geometric normal, octahedral, mapped to 0..1
@@ -83,6 +83,8 @@ TEXTURE_ALIASES = {
     # Emitters, where no material is evaluated.
     "TEX_EMITTERS": "TEX_INSTANCES",  # rgba32ui list: Emitter, several texels each
     "TEX_EMITTER_LOOKUP": "TEX_CORNERS",  # r32ui list: triangle -> its first emitter and how its edges are divided
+    # Drawing directions of the world, where no face is looked up.
+    "TEX_WORLD_TABLE": "TEX_FACE_RADIANCE",  # r32f 2D: running sums of chances
     # Materials, where no ray is traced.
     "TEX_ATTRIBUTES": "TEX_CELL_OPACITIES",  # r32ui list: corner normals, UV and colour layers
     "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters

@@ -14,6 +14,7 @@ from ..gpu.context import GpuContext
 from ..settings import Settings
 from .emitters import FACE_SAMPLES, EmitterTable
 from .voxelize import Voxels
+from .world import FACE_SAMPLES as WORLD_SAMPLES
 from .world import WorldLight
 
 #: Rays in one dispatch: bounds how long a step takes, so that cancelling is quick.
@@ -38,11 +39,18 @@ class LinkPass:
         self.count = 0
 
     def run(
-        self, voxels: Voxels, world: WorldLight, emitters: EmitterTable, *, drawn: bool, settings: Settings
+        self,
+        voxels: Voxels,
+        world: WorldLight,
+        emitters: EmitterTable,
+        *,
+        drawn: bool,
+        world_drawn: bool,
+        settings: Settings,
     ) -> Iterator[float]:
         """Trace the links. Yields the share done. Raises MemoryError when there are too many for a texture.
 
-        ``drawn``: pass inject draws points on emitters too.
+        ``drawn``, ``world_drawn``: pass inject draws points on emitters and directions of the world too.
         """
         self.release()
         gpu, slot = self.gpu, interface.slot
@@ -51,7 +59,12 @@ class LinkPass:
         self.links = links
         if world.is_lit or emitters.count:
             self.straight = gpu.list_texture("straight light of faces", voxels.faces.count, 4, "f4")
-        kernel = gpu.kernel("link", voxels.site_defines | world.defines | {"HAS_EMITTERS": emitters.count > 0})
+        kernel = gpu.kernel(
+            "link",
+            voxels.site_defines
+            | world.defines
+            | {"HAS_EMITTERS": emitters.count > 0, "WORLD_IS_DRAWN": world_drawn},
+        )
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // self.count)
         for first in range(0, voxels.faces.count, step):
             with gpu.timed("link"):
@@ -59,6 +72,8 @@ class LinkPass:
                 world.bind(kernel)
                 if emitters.count:
                     emitters.bind(kernel, FACE_SAMPLES if drawn else 0)
+                if world_drawn:
+                    world.bind_drawn(kernel, WORLD_SAMPLES, table=False)
                 voxels.faces.bind()
                 voxels.faces.order.use(slot("TEX_FACE_ORDER"))
                 links.bind_to_image(slot("IMG_0"), read=False, write=True)

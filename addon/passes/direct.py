@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light that comes to pixels straight from lights and emitters, with shadows."""
+"""Light that comes to pixels straight from lights, emitters and a concentrated world, with shadows."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from ..gpu import interface
 from ..gpu.context import GpuContext
 from .emitters import PIXEL_SAMPLES
 from .frame import Frame, LitVoxels, run_tiles
+from .world import PIXEL_SAMPLES as WORLD_SAMPLES
 
 
 class DirectPass:
@@ -40,15 +41,18 @@ class DirectPass:
             frame.defines
             | lit.voxels.trace_defines
             | lights.defines(settings)
+            | (lit.world.defines if features.draws_world_at_pixels else {})
             | {
                 "HAS_LIGHTS": features.has_lights,
                 "HAS_EMITTERS": features.draws_emitters_at_pixels,
+                "WORLD_IS_DRAWN": features.draws_world_at_pixels,
                 "HAS_GLOSSY": features.has_glossy,
                 "HAS_TRANSMISSION": features.has_transmission,
                 "SHADOW_CONES": features.shadow_cones,
             },
         )
-        rays = features.has_lights * lights.count + features.draws_emitters_at_pixels
+        drawn = features.draws_emitters_at_pixels + features.draws_world_at_pixels
+        rays = features.has_lights * lights.count + drawn
         reach = settings.max_distance / lit.voxels.grid.cell_size
 
         def bind() -> None:
@@ -61,8 +65,19 @@ class DirectPass:
                 kernel.set(
                     gathered_rays=settings.rays if features.gathers_emission and frame.gather else 0,
                     reflected_rays=1 if features.reflects_emission else 0,
-                    max_distance=reach if reach > 0.0 else 1e30,
-                    specular_aperture=settings.specular_aperture,
+                )
+            if features.draws_world_at_pixels:
+                lit.world.bind_drawn(kernel, WORLD_SAMPLES, table=True)
+                # The world's light is indirect light: what multiplies these pictures later is divided out.
+                kernel.set(
+                    world_rays=settings.rays,  # where this pass gathers none, it looks up what others have gathered
+                    world_on_diffuse=features.has_diffuse_gather * settings.indirect_amount / settings.direct_amount,
+                    world_on_glossy=1.0 / settings.direct_amount,
+                    clamp_indirect=settings.clamp_indirect,
+                )
+            if drawn:
+                kernel.set(
+                    max_distance=reach if reach > 0.0 else 1e30, specular_aperture=settings.specular_aperture
                 )
             assert self.diffuse is not None
             self.diffuse.bind_to_image(interface.slot("IMG_0"), read=False, write=True)

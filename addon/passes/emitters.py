@@ -23,9 +23,11 @@ EMITTERS_PER_STEP = 1 << 16
 #: Parts of the edge of a triangle whose emission varies, at most, and parts of all of them together, about.
 MAX_DIVISION, MAX_PARTS = 64, 1 << 18
 
+#: Weights of red, green and blue.
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
 #: Rays that leave surfaces.
 _FROM_SURFACES = RayVisibility.DIFFUSE | RayVisibility.GLOSSY | RayVisibility.TRANSMISSION
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 @dataclass
@@ -129,7 +131,7 @@ class EmitterTable:
     def _keep(self, records: np.ndarray, found: _Candidates, starts: np.ndarray, scene_area: float) -> None:
         edge_1, edge_2 = records["edge_1"].astype(np.float64), records["edge_2"].astype(np.float64)
         areas = 0.5 * np.linalg.norm(np.cross(edge_1, edge_2), axis=1)
-        sides = np.stack([records["front"] @ _LUMINANCE, records["back"] @ _LUMINANCE])
+        sides = np.stack([records["front"] @ LUMINANCE, records["back"] @ LUMINANCE])
         sides = sides * records["opacity"].astype(np.float64)
         power = areas * sides.sum(axis=0)
         lit = np.add.reduceat(power, starts) > 0.0

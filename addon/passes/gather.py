@@ -11,6 +11,7 @@ from ..gpu import interface
 from ..gpu.context import GpuContext
 from .emitters import PIXEL_SAMPLES
 from .frame import Frame, Gather, LitVoxels, run_tiles
+from .world import PIXEL_SAMPLES as WORLD_SAMPLES
 
 
 class GatherPass:
@@ -75,6 +76,7 @@ class GatherPass:
                 "GATHER_OCCLUSION": features.gather_occlusion,
                 "HAS_EMITTERS": features.gathers_emission,
                 "GLOW_IS_DIRECT": glow_is_direct,
+                "WORLD_IS_DRAWN": features.draws_world_at_pixels,
                 "KEEPS_EMITTED": emitted is not None,
                 "KEEPS_NEARNESS": features.has_reconstruction and not fills,
                 "FILLS": fills,
@@ -95,6 +97,8 @@ class GatherPass:
                 # Emission is direct light: what multiplies this picture later is divided out.
                 amount = 1.0 if glow_is_direct else settings.direct_amount / settings.indirect_amount
                 kernel.set(emission_amount=amount)
+            if features.draws_world_at_pixels:
+                lit.world.bind_drawn(kernel, WORLD_SAMPLES, table=False)
             if gather is not None:
                 if self._nearness is not None:
                     self._nearness.bind_to_image(interface.slot("IMG_2"), read=True, write=True)

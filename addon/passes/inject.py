@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Light from lights and emitters onto voxel faces; the lights' records for all passes."""
+"""Light from lights, emitters and a concentrated world onto voxel faces; the lights' records for all passes."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from ..settings import Settings
 from .bounce import link_count
 from .emitters import FACE_SAMPLES, EmitterTable
 from .voxelize import Voxels
+from .world import FACE_SAMPLES as WORLD_SAMPLES
+from .world import WorldLight
 
 #: Threads times lights in one dispatch: bounds how long a step takes, so that cancelling is quick.
 WORK_PER_STEP = 1 << 17
@@ -107,18 +109,24 @@ class LightTable:
 
 
 class InjectPass:
-    """Owns the light that lights and emitters send onto all faces."""
+    """Owns the light that lights, emitters and a concentrated world send onto all faces."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.irradiance: moderngl.Texture | None = None
 
     def run(
-        self, voxels: Voxels, lights: LightTable, emitters: EmitterTable | None, settings: Settings
+        self,
+        voxels: Voxels,
+        lights: LightTable,
+        emitters: EmitterTable | None,
+        world: WorldLight | None,
+        settings: Settings,
     ) -> Iterator[float]:
         """Trace shadows and sum up irradiance / pi. Yields the share done.
 
-        ``emitters``: points are drawn on them, weighed against the links, which look for them too; or None.
+        ``emitters``, ``world``: points and directions are drawn of them, weighed against the links, which look for them
+        too; or None.
         """
         self.release()
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 4, "f4")
@@ -127,9 +135,14 @@ class InjectPass:
             "inject",
             voxels.site_defines
             | lights.defines(settings)
-            | {"HAS_LIGHTS": lights.count > 0, "HAS_EMITTERS": emitters is not None},
+            | (world.defines if world else {})
+            | {
+                "HAS_LIGHTS": lights.count > 0,
+                "HAS_EMITTERS": emitters is not None,
+                "WORLD_IS_DRAWN": world is not None,
+            },
         )
-        points = lights.count + (FACE_SAMPLES if emitters else 0)
+        points = lights.count + (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
         step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, points))
         for first in range(0, voxels.faces.count, step):
             with self.gpu.timed("inject"):
@@ -140,6 +153,9 @@ class InjectPass:
                     lights.bind(kernel, settings)
                 if emitters:
                     emitters.bind(kernel, FACE_SAMPLES)
+                if world:
+                    world.bind(kernel)
+                    world.bind_drawn(kernel, WORLD_SAMPLES, table=True)
                 irradiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 kernel.set(
                     site_first=first, face_count=voxels.faces.count, random_seed=settings.seed,

@@ -23,6 +23,7 @@ from .emitters import PIXEL_SAMPLES
 from .frame import Frame, Gather, LitVoxels, run_tiles
 from .gather import GatherPass
 from .surface import SurfacePass, SurfacePictures, Surfaces
+from .world import PIXEL_SAMPLES as WORLD_SAMPLES
 
 
 class ReflectPass:
@@ -91,6 +92,7 @@ class ReflectPass:
                 "HAS_LIGHTS": features.has_lights,
                 "GATHER_OCCLUSION": features.gather_occlusion,
                 "HAS_EMITTERS": features.reflects_emission,
+                "WORLD_IS_DRAWN": features.draws_world_at_pixels,
                 "KEEPS_EMITTED": keeps_emitted,
                 "FIRST_LAYER": first,
                 "HAS_LAYERS": self._layer is not None,
@@ -126,6 +128,8 @@ class ReflectPass:
             if features.reflects_emission:
                 lit.emitters.bind(kernel, PIXEL_SAMPLES if features.draws_emitters_at_pixels else 0)
                 kernel.set(emission_amount=settings.direct_amount)
+            if features.draws_world_at_pixels:
+                lit.world.bind_drawn(kernel, WORLD_SAMPLES, table=False)
             kernel.set(
                 sample_index=frame.sample,
                 random_seed=settings.seed,
@@ -154,6 +158,7 @@ class ReflectPass:
                 | lit.world.defines
                 | {
                     "HAS_DIRECT": features.has_direct,
+                    "WORLD_IS_DRAWN": features.draws_world_at_pixels,
                     "HAS_DIFFUSE_GATHER": features.has_diffuse_gather,
                     "KEEPS_EMITTED": keeps_emitted,
                 },

@@ -13,7 +13,11 @@ from addon.settings import Settings
 from blender_tests.passes import scenes
 
 PLAIN: dict[str, Any] = dict.fromkeys(
-    ("smooth_shading", "emission", "small_emitters", "transparency", "specular", "transmission", "world"), False
+    (
+        "smooth_shading", "emission", "small_emitters", "transparency", "specular", "transmission", "world",
+        "concentrated_world",
+    ),
+    False,
 ) | {"diffuse": True, "least_roughness": 1.0}
 
 
@@ -93,6 +97,22 @@ def test_light_without_lights() -> None:
     """A world alone lights a room."""
     assert features(room(), world=True) == {"geometry", "world", "diffuse_gather", "radiance", "links", "bounces"}
     assert "links" in features(room(), Settings(bounces=0), world=True)
+
+
+@pytest.mark.parametrize(
+    ("settings", "added"),
+    [
+        ({}, {"draws_world_at_pixels", "draws_world_at_faces", "direct"}),
+        ({"use_direct": False}, {"draws_world_at_faces"}),
+        ({"gather_mode": "CONES"}, {"draws_world_at_faces"}),
+        ({"gather_mode": "OCCLUSION"}, set()),
+        ({"use_indirect": False}, set()),
+    ],
+)
+def test_concentrated_world(settings: dict[str, Any], added: set[str]) -> None:
+    before = features(room(), Settings(**settings), world=True)
+    assert features(room(), Settings(**settings), world=True, concentrated_world=True) - before == added
+    assert "draws_world_at_pixels" not in features(scenes.scene(), world=True, concentrated_world=True)
 
 
 GATHERED = {"geometry", "emission", "diffuse_gather", "radiance", "links", "bounces", "gathers_emission"}

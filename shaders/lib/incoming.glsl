@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What arrives along a ray: light that surfaces pass on, and light straight from where it is made.
 //
-// The including program may define HAS_WORLD, HAS_EMITTERS (and then sets emission_amount) and GATHER_OCCLUSION.
+// The including program may define HAS_WORLD, WORLD_IS_DRAWN, HAS_EMITTERS (and then sets emission_amount) and GATHER_OCCLUSION.
 
 #include "lib/clamp.glsl"
 #include "lib/radiance.glsl"
@@ -20,7 +20,7 @@ uniform float max_distance;      // cells
 
 struct Incoming {
     vec3 bounced;    // off a surface, W/(m2 sr)
-    vec3 emitted;    // straight from the world
+    vec3 emitted;    // straight from the world: what drawn directions leave of it
     vec3 glow;       // straight from an emitter
     float distance;  // of the surface, cells; max_distance when none was met
 };
@@ -35,12 +35,16 @@ vec3 world_or_black(vec3 direction)
 }
 
 // What the ray that has met `hit`, or nothing, brings. GATHER_OCCLUSION: surfaces pass nothing on. `density`: rays that
-// the caller sends for each steradian there, which weighs the emission they meet against points drawn on emitters.
+// the caller sends for each steradian there, which weighs the emission they meet against points drawn on emitters, and
+// the world against directions drawn by its light.
 Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, float density, uint seed)
 {
     Incoming found = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), hit.distance);
     if (hit.triangle == NONE_INDEX) {
         found.emitted = limited(world_or_black(direction));
+#if WORLD_IS_DRAWN
+        found.emitted *= world_ray_weight(direction, density);
+#endif
     }
 #if !GATHER_OCCLUSION
     else {

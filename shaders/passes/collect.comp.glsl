@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light that leaves the surfaces of a layer towards where its rays came from, added to the reflections of the picture.
 // Input: surface pictures, rays and throughput of the layer, direct and indirect light on it, the world.
-// Output: radiance_img. KEEPS_EMITTED: emitted_img: what of it is emission.
+// Output: radiance_img. KEEPS_EMITTED: emitted_img: what of it is emission or comes straight from the world.
 
 #include "lib/clamp.glsl"
 #include "lib/pixel.glsl"
@@ -42,7 +42,7 @@ void main()
     vec3 light = vec3(0.0);
     vec3 emitted = vec3(0.0);
     if (p.is_surface) {
-        emitted = throughput * texelFetch(emission_tex, at, 0).rgb * emission_share(at);
+        emitted = throughput * texelFetch(emission_tex, at, 0).rgb * (direct_amount * ray_shares(at).x);
 #if HAS_DIRECT
         light += direct_amount * (p.diffuse * texelFetch(direct_diffuse_tex, at, 0).rgb +
                                   specular_amount * texelFetch(direct_glossy_tex, at, 0).rgb);
@@ -51,7 +51,8 @@ void main()
         light += indirect_amount * p.diffuse * texelFetch(gathered_tex, at, 0).rgb;
 #endif
     } else {
-        light = world_along(pixel_ray(at).direction);  // all that the ray met let this pass through
+        // All that the ray met let the world's light pass through.
+        emitted = throughput * (ray_shares(at).y * limited(world_along(pixel_ray(at).direction)));
     }
     emitted = finite_or_zero(emitted);
     light = finite_or_zero(throughput * limited(light)) + emitted;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Light straight from lights (HAS_LIGHTS) and emitters (HAS_EMITTERS) at each pixel, with shadows of their real size: in
-// each pass one point on each light, and one point on all emitters, chosen among several by what it would bring.
-// Input: surface pictures, lights, emitters, triangles of cells.
+// Light straight from lights (HAS_LIGHTS), emitters (HAS_EMITTERS) and a world whose light is concentrated
+// (WORLD_IS_DRAWN) at each pixel, with shadows of their real size: in each pass one point on each light, one point on all
+// emitters, chosen among several by what it would bring, and one direction of the world.
+// Input: surface pictures, lights, emitters, the world, triangles of cells.
 // Output: diffuse_out: irradiance / pi, W/(m2 sr), to be multiplied by the diffuse reflectance; glossy_out: radiance.
 
 #include "lib/trace.glsl"
@@ -11,6 +12,10 @@
 #endif
 #if HAS_EMITTERS
 #include "lib/emitter.glsl"
+#endif
+#if WORLD_IS_DRAWN
+#include "lib/clamp.glsl"
+#include "lib/world_sample.glsl"
 #endif
 #include "lib/pixel.glsl"
 #include "lib/ray.glsl"
@@ -34,17 +39,41 @@ uniform uint random_seed;
 uniform bool use_shadows;
 uniform float shadow_amount;
 uniform float shadow_cone_angle;
-#if HAS_GLOSSY || HAS_EMITTERS
+#if HAS_GLOSSY || HAS_EMITTERS || WORLD_IS_DRAWN
 uniform float specular_aperture;
 #endif
-#if HAS_EMITTERS
-// Rays that look for emitters too: gathered and reflected in this pass, and how far they reach.
-uniform float gathered_rays;
-uniform float reflected_rays;
-uniform float max_distance;      // cells
+#if HAS_EMITTERS || WORLD_IS_DRAWN
+uniform float max_distance;      // of what rays look for, cells
+
+// What light of `radiance` from `direction` brings that was drawn with `density`, candidates for each steradian, and that
+// `gathered` and `reflected` rays look for too. MIS weights are those of the candidates: any that add up to 1 are right.
+void weigh_drawn(Pixel p, vec3 view, vec3 glossy_normal, float alpha, vec3 direction, vec3 radiance, uint flags,
+                 float density, float gathered, float reflected, out vec3 on_diffuse, out vec3 on_glossy)
+{
+    on_diffuse = on_glossy = vec3(0.0);
+    float cosine = dot(p.normal, direction);
+    if ((flags & RAY_DIFFUSE) != 0u && cosine > 0.0) {
+        float weight = mis_weight(density, gathered * cosine / PI);
+        on_diffuse = radiance * (cosine / PI * weight / density);
+    }
+#if HAS_GLOSSY
+    if ((flags & RAY_GLOSSY) != 0u && !p.is_inside) {
+        float other = ggx_density(glossy_normal, view, direction, alpha);
+        float weight = mis_weight(density, reflected * other);
+        on_glossy = radiance * ggx_reflection(glossy_normal, view, direction, alpha, p.f0, p.f90, p.ior) *
+                    (weight / density);
+    }
+#endif
+}
+#endif
 
 // Talbot, Cline and Egbert 2005, "Importance Resampling for Global Illumination": candidates drawn by power, one kept by
-// what it would bring unshadowed. MIS weights are those of the candidates: any that add up to 1 are right.
+// what it would bring unshadowed.
+#if HAS_EMITTERS
+// Rays that look for emitters too: gathered and reflected in this pass.
+uniform float gathered_rays;
+uniform float reflected_rays;
+
 void add_emitters(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed, inout vec3 diffuse, inout vec3 glossy)
 {
     float alpha = max(p.alpha * specular_aperture, 1e-4);
@@ -55,25 +84,14 @@ void add_emitters(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed
         uint index = sample_index * candidates + i;
         uint candidate_seed = hash(seed, index);
         EmitterSample s = sample_emitter(origin, sample_2d(index, seed), candidate_seed);
-        float cosine = dot(p.normal, s.direction);
         float density = emitter_samples * s.density;
         if (dot(p.geometric_normal, s.direction) <= 0.0 || density <= 0.0) {
             continue;
         }
-        bool in_reach = s.distance <= max_distance;
-        vec3 on_diffuse = vec3(0.0), on_glossy = vec3(0.0);
-        if ((s.flags & RAY_DIFFUSE) != 0u && cosine > 0.0) {
-            float weight = mis_weight(density, in_reach ? gathered_rays * cosine / PI : 0.0);
-            on_diffuse = s.radiance * (cosine / PI * weight / density);
-        }
-#if HAS_GLOSSY
-        if ((s.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
-            float other = ggx_density(glossy_normal, view, s.direction, alpha);
-            float weight = mis_weight(density, in_reach ? reflected_rays * other : 0.0);
-            on_glossy = s.radiance * ggx_reflection(glossy_normal, view, s.direction, alpha, p.f0, p.f90, p.ior) *
-                        (weight / density);
-        }
-#endif
+        float in_reach = s.distance <= max_distance ? 1.0 : 0.0;
+        vec3 on_diffuse, on_glossy;
+        weigh_drawn(p, view, glossy_normal, alpha, s.direction, s.radiance, s.flags, density, in_reach * gathered_rays,
+                    in_reach * reflected_rays, on_diffuse, on_glossy);
         float value = luminance(p.diffuse * on_diffuse + on_glossy);
         total += value;
         if (value > 0.0 && unit_float(hash(candidate_seed, 0xA511E9u)) * total < value) {
@@ -87,6 +105,29 @@ void add_emitters(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed
     if (chosen > 0.0 && !is_blocked(origin, direction, distance - RAY_START, hash(seed, sample_index + 0x3C6EF3u))) {
         diffuse += chosen_diffuse * (total / chosen);
         glossy += chosen_glossy * (total / chosen);
+    }
+}
+#endif
+
+#if WORLD_IS_DRAWN
+uniform float world_rays;        // that are gathered and look for it too; one that is reflected does
+uniform float world_on_diffuse;  // factors on its light
+uniform float world_on_glossy;
+
+void add_world(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed, inout vec3 diffuse, inout vec3 glossy)
+{
+    uint own_seed = hash(seed, sample_index);
+    WorldSample s = sample_world(sample_2d(sample_index, seed), own_seed);
+    float alpha = max(p.alpha * specular_aperture, 1e-4);
+    vec3 on_diffuse = vec3(0.0), on_glossy = vec3(0.0);
+    if (dot(p.geometric_normal, s.direction) > 0.0 && s.density > 0.0) {
+        weigh_drawn(p, view, glossy_normal, alpha, s.direction, limited(s.radiance), RAY_ALL, s.density, world_rays, 1.0,
+                    on_diffuse, on_glossy);
+    }
+    if (max_component(p.diffuse * on_diffuse + on_glossy) > 0.0 &&
+        !is_blocked(origin, s.direction, max_distance, hash(own_seed))) {
+        diffuse += world_on_diffuse * on_diffuse;
+        glossy += world_on_glossy * on_glossy;
     }
 }
 #endif
@@ -110,6 +151,9 @@ void main()
         uint pixel_seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
 #if HAS_EMITTERS
         add_emitters(p, origin, -direction, glossy_normal, hash(pixel_seed, 0x7F4A7Cu), diffuse, glossy);
+#endif
+#if WORLD_IS_DRAWN
+        add_world(p, origin, -direction, glossy_normal, hash(pixel_seed, 0x5BD1E9u), diffuse, glossy);
 #endif
 #if HAS_LIGHTS
         for (uint k = 0u; k < light_count; ++k) {

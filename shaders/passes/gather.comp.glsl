@@ -5,6 +5,8 @@
 // KEEPS_EMITTED: emitted_out: what of it comes straight from the world or an emitter.
 // GLOW_IS_DIRECT: diffuse_img of pass `direct`, to which what comes straight from emitters is added: points drawn there
 // have brought the rest of it, it is as sharp as direct light, and is not shared between pixels.
+// WORLD_IS_DRAWN: directions drawn by the world's light have brought the rest of it in pass `direct`. What is left for rays
+// has nothing sharp, and is shared between pixels as all light is.
 // FILLS: only for pixels whose light has a negative w; direct light has brought what GLOW_IS_DIRECT is about.
 // KEEPS_NEARNESS: nearness_img: sum over passes of the mean of 1 / distance, 1/cells; w of incoming_out: its mean.
 

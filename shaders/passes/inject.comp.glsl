@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Light that falls on each voxel face straight from lights (HAS_LIGHTS) and from points drawn on emitters (HAS_EMITTERS).
-// Input: faces, lights, emitters, triangles of cells.    Output: irradiance_img: irradiance / pi, W/(m2 sr).
+// Light that falls on each voxel face straight from lights (HAS_LIGHTS), from points drawn on emitters
+// (HAS_EMITTERS), and from directions drawn by the world's light (WORLD_IS_DRAWN).
+// Input: faces, lights, emitters, the world, triangles of cells.    Output: irradiance_img: irradiance / pi, W/(m2 sr).
 // Follows Crassin et al. 2011, "Interactive Indirect Illumination Using Voxel Cone Tracing".
 // Differs: visibility is a ray against the geometry for occupied voxels only, not a light-view map or a march.
 
@@ -12,6 +13,9 @@
 #if HAS_EMITTERS
 #include "lib/emitter.glsl"
 #endif
+#if WORLD_IS_DRAWN
+#include "lib/world_sample.glsl"
+#endif
 
 layout(local_size_x = GROUP_SIZE) in;
 
@@ -19,7 +23,7 @@ layout(binding = IMG_0, rgba32f) writeonly uniform image2D irradiance_img;
 
 uniform uint random_seed;
 uniform bool use_shadows;
-uniform float link_count;  // rays that look for emitters too, cosine-distributed (pass link)
+uniform float link_count;  // rays that look for emitters and the world too, cosine-distributed (pass link)
 
 // Points on a light that has a size; one suffices for the others.
 const uint SAMPLES = 4u;
@@ -74,6 +78,26 @@ vec3 light_from_emitters(Site site)
 }
 #endif
 
+#if WORLD_IS_DRAWN
+vec3 light_from_world(Site site)
+{
+    vec3 irradiance = vec3(0.0);
+    uint seed = hash(hash(site.face) + 0x2C1B3Cu, random_seed);
+    for (uint i = 0u; i < uint(world_samples); ++i) {
+        WorldSample s = sample_world(sample_2d(i, seed), hash(seed, i));
+        float cosine = dot(site.shading_normal, s.direction);
+        if (cosine <= 0.0 || s.density <= 0.0 || !leaves_surface(site, s.direction)) {
+            continue;
+        }
+        bool blocked = is_blocked(site.origin, s.direction, 1e30, hash(seed, i + 0x517CC1u));
+        float density = world_samples * s.density;
+        float weight = mis_weight(density, link_count * cosine / PI);
+        irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
+    }
+    return irradiance;
+}
+#endif
+
 void main()
 {
     Site site = site_of_thread();
@@ -86,6 +110,9 @@ void main()
 #endif
 #if HAS_EMITTERS
     irradiance += light_from_emitters(site);
+#endif
+#if WORLD_IS_DRAWN
+    irradiance += light_from_world(site);
 #endif
     imageStore(irradiance_img, list_texel(site.face), vec4(finite_or_zero(irradiance / PI), 0.0));
 }

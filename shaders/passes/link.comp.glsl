@@ -2,7 +2,7 @@
 // Which faces does each voxel face see? Cosine-distributed rays, exact against the geometry, end at other faces: these
 // are its links, a Monte Carlo estimate of form factors. They depend on geometry alone, so bounces and changes of light
 // trace nothing. Rays that leave the scene bring the world's light, those that meet an emitter its light, weighed against
-// the points that pass inject draws there; both are averaged here.
+// the directions and points that pass inject draws; both are averaged here.
 // Input: faces, emitters, triangles of cells.
 // Output: link_img (link_count numbers of faces for each face), straight_img: W/(m2 sr), mean over all rays.
 // Follows Keller 1997, "Instant Radiosity", and Szirmay-Kalos 1999, "Stochastic Iteration for Non-diffuse Global
@@ -52,7 +52,12 @@ void main()
         }
 #if HAS_WORLD
         else if (leaves) {
+#if WORLD_IS_DRAWN
+            float density = float(link_count) * dot(direction, site.shading_normal) / PI;
+            straight += world_ray_weight(direction, density) * world_along(direction);
+#else
             straight += world_along(direction);
+#endif
         }
 #endif
         links[k & 3u] = link;

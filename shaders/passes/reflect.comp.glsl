@@ -163,7 +163,10 @@ void main()
                 // The next layer asks the material what it emits; here is known how much of that this ray shall bring.
                 float share = 0.0;
 #if HAS_EMITTERS
-                share = emission_amount * emission_met(hit.triangle, origin, direction, hit.distance, density).weight;
+                share = emission_met(hit.triangle, origin, direction, hit.distance, density).weight;
+#endif
+#if WORLD_IS_DRAWN
+                share = pack_shares(share, world_ray_weight(direction, density));
 #endif
                 found.bounced = found.glow = vec3(0.0);
                 seen = hit.triangle + 1u;
