@@ -41,11 +41,11 @@ class DirectPass:
             frame.defines
             | lit.voxels.trace_defines
             | lights.defines(settings)
-            | (lit.world.defines if features.draws_world_at_pixels else {})
             | {
                 "HAS_LIGHTS": features.has_lights,
                 "HAS_EMITTERS": features.draws_emitters_at_pixels,
                 "WORLD_IS_DRAWN": features.draws_world_at_pixels,
+                "WORLD_IS_TEXTURE": features.draws_world_at_pixels,
                 "HAS_GLOSSY": features.has_glossy,
                 "HAS_TRANSMISSION": features.has_transmission,
                 "SHADOW_CONES": features.shadow_cones,

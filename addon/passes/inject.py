@@ -135,11 +135,11 @@ class InjectPass:
             "inject",
             voxels.site_defines
             | lights.defines(settings)
-            | (world.defines if world else {})
             | {
                 "HAS_LIGHTS": lights.count > 0,
                 "HAS_EMITTERS": emitters is not None,
                 "WORLD_IS_DRAWN": world is not None,
+                "WORLD_IS_TEXTURE": world is not None,
             },
         )
         points = lights.count + (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)

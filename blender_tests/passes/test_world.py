@@ -188,9 +188,10 @@ def sheet() -> Any:
     )  # fmt: skip
 
 
-def under_a_sheet(surface: Any) -> SceneData:
+def below(cover: Any, surface: Any) -> SceneData:
+    """A plane under a wide sheet, the camera between them."""
     made = plane_under(GLOW)
-    hung = scenes.scene((scenes.plane(2.0), surface), (scenes.plane(6.0), sheet(), scenes.at(z=1.5)))
+    hung = scenes.scene((scenes.plane(2.0), surface), (scenes.plane(6.0), cover, scenes.at(z=1.5)))
     return dataclasses.replace(made, meshes=hung.meshes, instances=hung.instances, materials=hung.materials)
 
 
@@ -204,12 +205,12 @@ CASES: dict[str, tuple[SceneData, dict[str, Any]]] = {
     "sphere": (scenes.scene((scenes.sphere(), COATED), world=picture(GLOW), camera=scenes.camera(angle=0.5)), {}),
     "amounts": (plane_under(GLOW, COATED), {"direct_amount": 2.0, "indirect_amount": 0.5, "specular_amount": 3.0}),
     "clamped": (plane_under(GLOW, COATED), {"clamp_indirect": 3.0}),
-    "near": (plane_under(GLOW, COATED), {"max_distance": 0.5}),
-    "some passes": (plane_under(GLOW, COATED), {"gather_interval": 4}),
+    "near": (below(scenes.diffuse(0.5), COATED), {"max_distance": 0.5}),
+    "some passes": (plane_under(GLOW, COATED), {"gather_interval": 4, "rays": 32}),
     "no indirect light": (plane_under(GLOW, COATED), {"use_indirect": False}),
     "no reflections": (plane_under(GLOW, COATED), {"use_specular": False}),
-    "sheet": (under_a_sheet(scenes.diffuse(0.5)), {}),
-    "sheet, polished": (under_a_sheet(POLISHED), {}),
+    "sheet": (below(sheet(), scenes.diffuse(0.5)), {}),
+    "sheet, polished": (below(sheet(), POLISHED), {}),
 }
 
 

@@ -2,11 +2,8 @@
 // Directions of the world's picture, drawn by the light that comes from them: Pharr, Jakob and Humphreys, "Physically
 // Based Rendering", on infinite area lights. Differs: texels are chosen by whole numbers, and within one all directions
 // are alike, so that the density is exactly that of what is drawn.
-//
-// The including program defines WORLD_IS_DRAWN.
 
-#include "lib/sampling.glsl"
-#include "lib/world.glsl"
+#include "lib/world_weight.glsl"
 
 // Running sums of chances along each row of the picture; last column: of whole rows. In EMITTER_UNITS.
 layout(binding = TEX_WORLD_TABLE) uniform sampler2D world_table_tex;

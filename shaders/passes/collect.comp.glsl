@@ -5,7 +5,7 @@
 
 #include "lib/clamp.glsl"
 #include "lib/pixel.glsl"
-#include "lib/ray.glsl"
+#include "lib/ray_shares.glsl"
 #include "lib/world.glsl"
 
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;

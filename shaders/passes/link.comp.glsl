@@ -14,6 +14,9 @@
 #if HAS_WORLD
 #include "lib/world.glsl"
 #endif
+#if WORLD_IS_DRAWN
+#include "lib/world_weight.glsl"
+#endif
 #if HAS_EMITTERS
 #include "lib/emitter.glsl"
 #endif

@@ -14,7 +14,7 @@
 #include "lib/light.glsl"
 #endif
 #include "lib/pixel.glsl"
-#include "lib/ray.glsl"
+#include "lib/ray_shares.glsl"
 #include "lib/ggx.glsl"
 
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
@@ -161,17 +161,17 @@ void main()
 #if HAS_LAYERS
             if (hit.triangle != NONE_INDEX && hit.distance < reach) {
                 // The next layer asks the material what it emits; here is known how much of that this ray shall bring.
-                float share = 0.0;
+                float share = 0.0, world_share = 1.0;
 #if HAS_EMITTERS
                 share = emission_met(hit.triangle, origin, direction, hit.distance, density).weight;
 #endif
 #if WORLD_IS_DRAWN
-                share = pack_shares(share, world_ray_weight(direction, density));
+                world_share = world_ray_weight(direction, density);
 #endif
                 found.bounced = found.glow = vec3(0.0);
                 seen = hit.triangle + 1u;
                 imageStore(rays_img, ivec2(2 * at.x, at.y), vec4(next.origin, next.width));
-                imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(octahedral_encode(next.direction), next.spread, share));
+                imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(octahedral_encode(next.direction), next.spread, pack_shares(share, world_share)));
                 atomicAdd(followed, 1u);
             }
 #endif

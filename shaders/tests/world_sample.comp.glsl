@@ -3,7 +3,6 @@
 // Output: (direction, density), (radiance, weight of a ray of density 1 there).
 
 #define WORLD_IS_TEXTURE 1
-#define WORLD_IS_DRAWN 1
 #include "lib/common.glsl"
 #include "lib/world_sample.glsl"
 
