@@ -20,7 +20,7 @@ from ..gpu import interface
 from ..gpu.context import GpuContext
 from .direct import DirectPass
 from .emitters import PIXEL_SAMPLES
-from .frame import Frame, LitVoxels, run_tiles
+from .frame import Frame, Gather, LitVoxels, run_tiles
 from .gather import GatherPass
 from .surface import SurfacePass, SurfacePictures, Surfaces
 
@@ -204,5 +204,8 @@ def _layer_frame(frame: Frame, layer: SurfacePictures, number: int) -> Frame:
     stride = (0x9E3779B1 * (2 * number + 1)) & 0xFFFFFFFF
     settings = frame.settings.with_values(rays=1, seed=(frame.settings.seed + 0x632BE5AB * number) & 0x7FFFFFFF)
     features = dataclasses.replace(frame.features, has_reconstruction=False)
-    index = (frame.sample * stride) & 0xFFFFFFFF
-    return dataclasses.replace(frame, surface=layer, settings=settings, features=features, index=index)
+    sample = (frame.sample * stride) & 0xFFFFFFFF
+    gather = Gather(frame.index, sample)  # in every pass: what rays meet is never the same surface twice
+    return dataclasses.replace(
+        frame, surface=layer, settings=settings, features=features, sample=sample, gather=gather
+    )  # fmt: skip

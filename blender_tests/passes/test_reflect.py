@@ -11,6 +11,8 @@ import pytest
 
 from addon.gpu.context import GpuContext
 from addon.materials.graph import ImageData, ImageEncoding, ImageSet, MaterialData
+from addon.passes.frame import Frame
+from addon.passes.reflect import _layer_frame
 from addon.scene import LightKind, SceneData
 from addon.settings import Settings
 from blender_tests.material_shader import material, node
@@ -129,6 +131,23 @@ def test_mirrors_that_face_each_other(gpu: GpuContext) -> None:
     # From the middle at 45 degrees to mirrors that reach 10 m: down after 1 m, then every 2 m, out after 10 m.
     found = picture(gpu, made, scenes.settings(16, glossy_layers=16), (8, 8), 64).mean()
     assert found == pytest.approx(0.5**5, rel=0.05)
+
+
+def test_layers_have_points_of_their_own(gpu: GpuContext) -> None:
+    """What the rays of two layers bring is a product: were both to walk the same sequence, it would be biased."""
+    with pipeline(gpu, scenes.cornell(), scenes.settings(8), (8, 8), samples=1) as ready:
+        assert ready.features is not None and ready._surface.pictures is not None
+        seen = Frame(
+            0, 0, None, ready._camera, (0.5, 0.5), ready._surface.pictures, ready.features, Settings()
+        )  # fmt: skip
+        steps = []
+        for number in (1, 2, 3):
+            first, second = (
+                _layer_frame(dataclasses.replace(seen, index=k, sample=k), seen.surface, number) for k in (0, 1)
+            )
+            assert second.gather is not None and second.gather.sample == second.sample
+            steps.append(second.sample - first.sample)
+    assert len({1, *steps}) == 4
 
 
 def area_reflection(roughness: float) -> float:
