@@ -42,7 +42,9 @@ class GatherPass:
         they find of them.
         """
         assert frame.gather is not None
-        self.allocate(frame.size, emitted=keeps_emitted, nearness=frame.features.has_reconstruction)
+        features = frame.features
+        nearness = features.has_reconstruction and not features.gather_cones  # what cones bring is not shared
+        self.allocate(frame.size, emitted=keeps_emitted, nearness=nearness)
         assert self.incoming is not None
         yield from self._trace(frame, lit, frame.gather, [self.incoming, self.emitted], direct)
 
@@ -64,6 +66,7 @@ class GatherPass:
         incoming, emitted = pictures
         assert incoming is not None
         fills = gather is None
+        nearness = None if fills else self._nearness
         glow_is_direct = features.gathers_emission and features.draws_emitters_at_pixels
         kernel = self.gpu.kernel(
             "gather",
@@ -76,7 +79,7 @@ class GatherPass:
                 "HAS_EMITTERS": features.gathers_emission,
                 "GLOW_IS_DIRECT": glow_is_direct,
                 "KEEPS_EMITTED": emitted is not None,
-                "KEEPS_NEARNESS": features.has_reconstruction and not fills,
+                "KEEPS_NEARNESS": nearness is not None,
                 "FILLS": fills,
             },
         )
@@ -96,8 +99,8 @@ class GatherPass:
                 amount = 1.0 if glow_is_direct else settings.direct_amount / settings.indirect_amount
                 kernel.set(emission_amount=amount)
             if gather is not None:
-                if self._nearness is not None:
-                    self._nearness.bind_to_image(interface.slot("IMG_2"), read=True, write=True)
+                if nearness is not None:
+                    nearness.bind_to_image(interface.slot("IMG_2"), read=True, write=True)
                     kernel.set(pass_index=gather.index)
                 if glow_is_direct:
                     assert direct is not None

@@ -84,7 +84,8 @@ def test_passes_that_gather_nothing(gpu: GpuContext) -> None:
 
 def test_passes_that_gather_nothing_shade_what_mirrors_show(gpu: GpuContext) -> None:
     """Behind a mirror, where no light is kept, each pass gathers: as bright as if all passes did everywhere."""
-    made = dataclasses.replace(room(), materials=(room().materials[0], scenes.principled(0.9, Metallic=1.0, Roughness=0.05)))
+    mirror = scenes.principled(0.9, Metallic=1.0, Roughness=0.05)
+    made = dataclasses.replace(room(), materials=(room().materials[0], mirror))
     every = alone(gpu, made, settings(samples=32, reuse_frames=False))
     some = alone(gpu, made, settings(samples=32, reuse_frames=False, gather_interval=4))
     assert some.mean() == pytest.approx(every.mean(), rel=0.005)
