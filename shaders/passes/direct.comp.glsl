@@ -105,6 +105,7 @@ void main()
         vec3 origin = p.position + p.geometric_normal * RAY_START;
         vec3 glossy_normal = p.normal;
 #if HAS_GLOSSY
+        float alpha = max(p.alpha * specular_aperture, 1e-4);
         glossy_normal = valid_reflection_normal(p.geometric_normal, -direction, p.normal);
 #endif
         uint pixel_seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
@@ -129,19 +130,17 @@ void main()
 #if HAS_TRANSMISSION
             if (behind && (light.flags & RAY_TRANSMISSION) != 0u) {
                 float facet_cosine;
-                float rays = ggx_bent_density(glossy_normal, -direction, s.direction, max(p.alpha * specular_aperture, 1e-4),
-                                              p.ior, facet_cosine);
+                float rays = ggx_bent_density(glossy_normal, -direction, s.direction, alpha, p.ior, facet_cosine);
                 float points = light_density(light, origin, s.direction, s.distance);
                 on_glossy = s.irradiance * p.transmission * (1.0 - dielectric_reflectance(facet_cosine, p.ior)) * rays *
                             mis_weight(points, rays);
             }
 #endif
             if ((light.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
-                float rays = ggx_density(glossy_normal, -direction, s.direction, max(p.alpha * specular_aperture, 1e-4));
+                float rays = ggx_density(glossy_normal, -direction, s.direction, alpha);
                 float points = light_density(light, origin, s.direction, s.distance);
-                on_glossy = s.irradiance * ggx_reflection(glossy_normal, -direction, s.direction, p.alpha, p.f0, p.f90,
-                                                          p.ior) *
-                            mis_weight(points, rays);
+                vec3 reflected = ggx_reflection(glossy_normal, -direction, s.direction, alpha, p.f0, p.f90, p.ior);
+                on_glossy = s.irradiance * reflected * mis_weight(points, rays);
             }
 #endif
             if (max_component(on_diffuse + on_glossy) <= 0.0) {
