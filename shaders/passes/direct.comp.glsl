@@ -150,7 +150,8 @@ void main()
             if (use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u) {
 #if SHADOW_CONES
                 float angle = shadow_cone_angle > 0.0 ? 0.5 * shadow_cone_angle : light_half_angle(light, origin);
-                visible = cone_visibility(p.position, p.geometric_normal, s.direction, tan(angle), s.distance);
+                vec3 side = behind ? -p.geometric_normal : p.geometric_normal;
+                visible = cone_visibility(p.position, side, s.direction, tan(angle), s.distance);
 #else
                 vec3 from = behind ? p.position - p.geometric_normal * RAY_START : origin;
                 visible = is_blocked(from, s.direction, s.distance - RAY_START, hash(seed, sample_index)) ? 0.0 : 1.0;
