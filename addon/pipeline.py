@@ -242,7 +242,7 @@ class Pipeline:
         yield Progress(1.0, "Ready")
 
     def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
-        """Light at pixels stays right while all but the camera stays."""
+        """Light at pixels stays right while all but the camera stays; outputs say which kinds of it are kept."""
         if self.features is None or not self.features.keeps_light:
             self._history.forget()
             self._history.release()
@@ -250,7 +250,7 @@ class Pipeline:
             return
         inputs = (
             scene.materials, scene.meshes, scene.instances, scene.lights, scene.world, size, self.grid,
-            tuple(vars(settings).values()),
+            tuple(vars(settings).values()), tuple(sorted(self._wanted)),
         )  # fmt: skip
         continues = not self._memo.stale("history", *inputs) and follows and settings.reuse_frames
         self._history.start(

@@ -51,9 +51,10 @@ class LightHistory:
     def start(self, camera: CameraRays, samples: int, interval: int, taken: int, *, continues: bool) -> None:
         """Begin a frame of ``samples`` passes of which one in ``interval`` gathers.
 
-        ``continues``: all but the camera is as it was in the last frame, which took ``taken`` passes.
+        ``continues``: all but the camera is as it was in the last frame, which took ``taken`` passes: 0 leave
+        nothing to take over.
         """
-        if continues and self._cameras:
+        if continues and taken:
             self._first_sample += taken
             self._first_gather += -(-taken // self._interval)
             self._cameras = [camera, self._cameras[0]]
@@ -81,7 +82,6 @@ class LightHistory:
         if key != self._key:
             self.release()
             self._records = [_Record(self.gpu, frame.size, len(lights)) for _ in range(2)]
-            self._cameras = self._cameras[:1]
             self._key = key
         now, before = self._records
         camera = self._cameras[-1]
