@@ -298,16 +298,15 @@ class Pipeline:
             raise PipelineError("nothing was prepared to render")
         camera, index = self._camera, self.film.samples
         offset = pixel_offset(index, scene.pixel_filter_width)
-        sample = self._history.sample(index)
+        sample, gather = self._history.sample(index), self._history.gather(index)
         surface = self._surface.pictures
         assert surface is not None
+        frame = Frame(index, sample, gather, camera, offset, surface, features, settings, self.film.active_tiles)
         surfaces = Surfaces(geometry, voxels, materials, self._materials)
-        for share in self._surface.run(surfaces, camera, offset, sample, settings):
+        for share in self._surface.run(surfaces, frame.view):
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
-            self._surface.show_lights(self._lights, camera, offset, settings)
-        gather = self._history.gather(index)
-        frame = Frame(index, sample, gather, camera, offset, surface, features, settings, self.film.active_tiles)
+            self._surface.show_lights(self._lights, frame.view, settings)
         radiance = self._bounce.radiance[0] if features.needs_radiance else None
         lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones)
         splits = self.film.splits_light

@@ -142,7 +142,7 @@ class ReflectPass:
     ) -> Iterator[float]:
         """Light that leaves the surfaces that were met, as if the camera saw them; all but what they reflect."""
         features, settings, slot = frame.features, frame.settings, interface.slot
-        yield from surface_pass.shade(surfaces, frame.surface, frame.camera, frame.offset, frame.sample, settings)
+        yield from surface_pass.shade(surfaces, frame.surface, frame.view)
         if features.has_direct:
             yield from self._direct.run(frame, lit)
         if features.has_diffuse_gather:
