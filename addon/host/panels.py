@@ -30,6 +30,7 @@ APPLIES: dict[str, Callable[[Any], bool]] = {
     "gather_mode": lambda s: s.use_indirect,
     "specular_amount": lambda s: s.use_specular,
     "specular_aperture": lambda s: s.use_specular,
+    "glossy_layers": lambda s: s.use_specular and s.gather_mode != "OCCLUSION",
     "light_falloff": lambda s: s.use_direct or s.use_indirect,
     "max_distance": lambda s: s.use_indirect or s.use_specular,
     "shadow_amount": lambda s: s.use_shadows,
