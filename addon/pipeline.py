@@ -33,7 +33,7 @@ from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
-from .passes.surface import SurfacePass, Surfaces
+from .passes.surface import RAY_TEXELS, SurfacePass, Surfaces
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
 from .scene import SceneData
@@ -134,10 +134,10 @@ class Pipeline:
         the next call does that step again.
         """
         limit = int(self.gpu.mgl.info.get("GL_MAX_TEXTURE_SIZE", 16384))
+        too_many = f"{size[0]} x {size[1]} pixels cannot be rendered at once: this graphics driver draws"
         if max(size) > limit or min(size) < 1:
             raise PipelineError(
-                f"{size[0]} x {size[1]} pixels cannot be rendered at once: this graphics driver draws 1 to {limit} a "
-                "side; render a part of the frame (Ctrl-B) or a smaller percentage"
+                f"{too_many} 1 to {limit} a side; render a part of the frame (Ctrl-B) or a smaller percentage"
             )
         self._scene, self._settings, self._size = scene, settings, size
         self.gpu.times.clear()  # statistics are those of one picture
@@ -195,6 +195,11 @@ class Pipeline:
             world=self._world.is_lit,
         )
         self.features = features
+        if features.follows_glossy and RAY_TEXELS * size[0] > limit:
+            raise PipelineError(
+                f"{too_many} up to {limit // RAY_TEXELS} from left to right where reflections are sharp; render a part "
+                "of the frame (Ctrl-B), or set Glossy Layers to 0"
+            )
 
         if memo.stale("voxels"):
             memo.forget("links", "radiance")

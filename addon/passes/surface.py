@@ -22,6 +22,8 @@ from .voxelize import Voxels
 
 #: Partly transparent surfaces that one pass looks through at a pixel, at most; the next one counts as opaque.
 MAX_LAYERS = 256
+#: Texels of a pixel's own ray, side by side (lib/ray.glsl).
+RAY_TEXELS = 2
 
 
 @dataclass
@@ -36,7 +38,7 @@ class SurfacePictures:
     f0: moderngl.Texture
     f90: moderngl.Texture
     emission: moderngl.Texture
-    rays: moderngl.Texture | None  # rgba32f, two texels a pixel: see lib/ray.glsl
+    rays: moderngl.Texture | None  # rgba32f, RAY_TEXELS a pixel
 
     @classmethod
     def allocate(cls, gpu: GpuContext, name: str, size: tuple[int, int], *, rays: bool) -> SurfacePictures:
@@ -52,7 +54,7 @@ class SurfacePictures:
             f0=picture(4, "f2"),
             f90=picture(4, "f2"),
             emission=picture(4, "f4"),
-            rays=picture(4, "f4", 2) if rays else None,
+            rays=picture(4, "f4", RAY_TEXELS) if rays else None,
         )
 
     @property
