@@ -145,8 +145,12 @@ class ReflectPass:
         yield from surface_pass.shade(surfaces, frame.surface, frame.view)
         if features.has_direct:
             yield from self._direct.run(frame, lit)
+        else:
+            self._direct.release()
         if features.has_diffuse_gather:
             yield from self._gather.run(frame, lit, self._direct.diffuse, keeps_emitted=False)
+        else:
+            self._gather.release()
         with self.gpu.timed("reflect"):
             kernel = self.gpu.kernel(
                 "collect",
