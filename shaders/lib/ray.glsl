@@ -6,7 +6,8 @@
 #include "lib/camera.glsl"
 
 #if RAYS_OF_PIXELS
-layout(binding = IMG_RAYS, rgba32f) uniform image2D rays_img;  // two texels a pixel: origin, width; direction (octahedral), spread, emission
+// Two texels a pixel: origin, width; direction (octahedral), spread, share of emission.
+layout(binding = IMG_RAYS, rgba32f) uniform image2D rays_img;
 #endif
 
 struct Ray {
