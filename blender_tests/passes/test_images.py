@@ -29,7 +29,7 @@ def test_clear_pixels_of_an_image_have_no_colour(mode: AlphaMode, gpu: GpuContex
         (scenes.plane(2.0), leaf), camera=scenes.camera((0.0, 0.0, 3.0), width=2.0), film_transparent=True,
         pixel_filter_width=0.0,
     )  # fmt: skip
-    with pipeline(gpu, made, scenes.settings(16), (4, 4), samples=64) as ready:
+    with pipeline(gpu, made, scenes.settings(16), (1, 1), samples=512) as ready:
         found = ready.film.read("combined").mean((0, 1))
     assert found[3] == pytest.approx(0.5, abs=0.06)
     np.testing.assert_allclose(found[:3] / found[3], [0.5029, 0.0, 0.0], atol=0.005)
