@@ -209,7 +209,7 @@ def _layer_frame(frame: Frame, layer: SurfacePictures, number: int) -> Frame:
     settings = frame.settings.with_values(rays=1, seed=(frame.settings.seed + 0x632BE5AB * number) & 0x7FFFFFFF)
     features = dataclasses.replace(frame.features, has_reconstruction=False)
     sample = (frame.sample * stride) & 0xFFFFFFFF
-    gather = Gather(frame.index, sample)  # in every pass: what rays meet is never the same surface twice
+    gather = Gather(frame.index, sample)  # in every pass: what is met differs from one to the next
     return dataclasses.replace(
         frame, surface=layer, settings=settings, features=features, sample=sample, gather=gather
-    )  # fmt: skip
+    )

@@ -11,7 +11,7 @@ import pytest
 
 from addon.gpu.context import GpuContext
 from addon.materials.graph import ImageData, ImageEncoding, ImageSet, MaterialData
-from addon.passes.frame import Frame
+from addon.passes.frame import Frame, Gather
 from addon.passes.reflect import _layer_frame
 from addon.scene import LightKind, SceneData
 from addon.settings import Settings
@@ -133,23 +133,6 @@ def test_mirrors_that_face_each_other(gpu: GpuContext) -> None:
     assert found == pytest.approx(0.5**5, rel=0.05)
 
 
-def test_layers_have_points_of_their_own(gpu: GpuContext) -> None:
-    """What the rays of two layers bring is a product: were both to walk the same sequence, it would be biased."""
-    with pipeline(gpu, scenes.cornell(), scenes.settings(8), (8, 8), samples=1) as ready:
-        assert ready.features is not None and ready._surface.pictures is not None
-        seen = Frame(
-            0, 0, None, ready._camera, (0.5, 0.5), ready._surface.pictures, ready.features, Settings()
-        )  # fmt: skip
-        steps = []
-        for number in (1, 2, 3):
-            first, second = (
-                _layer_frame(dataclasses.replace(seen, index=k, sample=k), seen.surface, number) for k in (0, 1)
-            )
-            assert second.gather is not None and second.gather.sample == second.sample
-            steps.append(second.sample - first.sample)
-    assert len({1, *steps}) == 4
-
-
 def area_reflection(roughness: float) -> float:
     """Radiance that a white GGX lobe at the origin, normal +z, sends straight up, lit by the lamp of the next test."""
     n = 400
@@ -197,3 +180,15 @@ def test_only_sharp_gloss_has_layers(gpu: GpuContext) -> None:
         assert not follows and "reflected surfaces" not in found
     found, follows = memory(0.1)
     assert follows and "reflected surfaces" in found
+
+
+def test_layers_draw_points_of_their_own(gpu: GpuContext) -> None:
+    """No layer of a pass, nor the picture itself, draws the points of another: products of them would be wrong."""
+    with pipeline(gpu, wall_and_mirror(scenes.diffuse(), in_mirror=True), Settings(samples=1), (8, 8)) as ready:
+        surface, features = ready._surface.pictures, ready.features
+        assert surface is not None and features is not None
+        for index in (1, 2, 7):
+            frame = Frame(index, index, Gather(index, index), ready._camera, (0.5, 0.5), surface, features, Settings())
+            layers = [_layer_frame(frame, surface, number) for number in range(4)]
+            assert len({frame.sample, *(layer.sample for layer in layers)}) == 5
+            assert [layer.gather.sample for layer in layers if layer.gather] == [layer.sample for layer in layers]
