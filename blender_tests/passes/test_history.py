@@ -164,8 +164,9 @@ def test_a_still_camera_converges(gpu: GpuContext) -> None:
 
 
 def test_without_the_settings_nothing_is_kept(gpu: GpuContext) -> None:
-    """No picture of light, and no pass."""
+    """No picture of light, and no pass; a frame that follows none keeps one mean and its places, not two."""
     for chosen, kept in ((settings(reuse_frames=False), False), (settings(), True)):
         with pipeline(gpu, room(), chosen, SIZE) as made:
             assert ("light of frames" in gpu.memory, "history" in gpu.times) == (kept, kept)
+            assert gpu.memory.get("light of frames", 0) == kept * 32 * SIZE[0] * SIZE[1]
             assert made.features is not None and made.features.keeps_light == kept
