@@ -129,7 +129,9 @@ class Features:
             draws_world_at_pixels=draws_world,
             gathers_emission=gathers_emission,
             reflects_emission=reflects_emission,
-            keeps_light=gather and (settings.reuse_frames or settings.gather_interval > 1),
+            keeps_light=gather
+            and settings.noise_threshold <= 0.0  # noise is told from passes that know nothing of each other
+            and (settings.reuse_frames or settings.gather_interval > 1),
         )
 
     @property

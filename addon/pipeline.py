@@ -33,7 +33,7 @@ from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
-from .passes.surface import SurfacePass, Surfaces
+from .passes.surface import RAY_TEXELS, SurfacePass, Surfaces
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
 from .scene import SceneData
@@ -134,10 +134,10 @@ class Pipeline:
         the next call does that step again.
         """
         limit = int(self.gpu.mgl.info.get("GL_MAX_TEXTURE_SIZE", 16384))
+        too_many = f"{size[0]} x {size[1]} pixels cannot be rendered at once: this graphics driver draws"
         if max(size) > limit or min(size) < 1:
             raise PipelineError(
-                f"{size[0]} x {size[1]} pixels cannot be rendered at once: this graphics driver draws 1 to {limit} a "
-                "side; render a part of the frame (Ctrl-B) or a smaller percentage"
+                f"{too_many} 1 to {limit} a side; render a part of the frame (Ctrl-B) or a smaller percentage"
             )
         self._scene, self._settings, self._size = scene, settings, size
         self.gpu.times.clear()  # statistics are those of one picture
@@ -196,6 +196,11 @@ class Pipeline:
             concentrated_world=self._world.is_concentrated,
         )
         self.features = features
+        if features.follows_glossy and RAY_TEXELS * size[0] > limit:
+            raise PipelineError(
+                f"{too_many} up to {limit // RAY_TEXELS} from left to right where reflections are sharp; render a part "
+                "of the frame (Ctrl-B), or set Glossy Layers to 0"
+            )
 
         if memo.stale("voxels"):
             memo.forget("links", "radiance")
@@ -243,7 +248,7 @@ class Pipeline:
         yield Progress(1.0, "Ready")
 
     def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
-        """Light at pixels stays right while all but the camera stays."""
+        """Light at pixels stays right while all but the camera stays; outputs say which kinds of it are kept."""
         if self.features is None or not self.features.keeps_light:
             self._history.forget()
             self._history.release()
@@ -251,7 +256,7 @@ class Pipeline:
             return
         inputs = (
             scene.materials, scene.meshes, scene.instances, scene.lights, scene.world, size, self.grid,
-            tuple(vars(settings).values()),
+            tuple(vars(settings).values()), tuple(sorted(self._wanted)),
         )  # fmt: skip
         continues = not self._memo.stale("history", *inputs) and follows and settings.reuse_frames
         self._history.start(
@@ -303,16 +308,15 @@ class Pipeline:
             raise PipelineError("nothing was prepared to render")
         camera, index = self._camera, self.film.samples
         offset = pixel_offset(index, scene.pixel_filter_width)
-        sample = self._history.sample(index)
+        sample, gather = self._history.sample(index), self._history.gather(index)
         surface = self._surface.pictures
         assert surface is not None
+        frame = Frame(index, sample, gather, camera, offset, surface, features, settings, self.film.active_tiles)
         surfaces = Surfaces(geometry, voxels, materials, self._materials)
-        for share in self._surface.run(surfaces, camera, offset, sample, settings):
+        for share in self._surface.run(surfaces, frame.view):
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
-            self._surface.show_lights(self._lights, camera, offset, settings)
-        gather = self._history.gather(index)
-        frame = Frame(index, sample, gather, camera, offset, surface, features, settings, self.film.active_tiles)
+            self._surface.show_lights(self._lights, frame.view, settings)
         radiance = self._bounce.radiance[0] if features.needs_radiance else None
         lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones)
         splits = self.film.splits_light

@@ -137,7 +137,7 @@ class Settings:
         "Gather Interval",
         1,
         "Diffuse light from around is gathered in one of so many samples; the others smooth edges and shadows, and "
-        "take over what was gathered.",
+        "take over what was gathered. With a noise threshold, all gather.",
         Panel.SAMPLING,
         cost="time falls with it",
         lo=1,
@@ -149,7 +149,7 @@ class Settings:
         False,
         "Frames of an animation in which only the camera moves take over diffuse light from the frame before, where it "
         "saw the same surfaces, and gather less: quicker, with less noise and flicker. A frame then depends on those "
-        "rendered before it. Needs Persistent Data.",
+        "rendered before it. Needs Persistent Data, and no noise threshold.",
         Panel.SAMPLING,
         cost="memory for pictures of light; time falls",
     )

@@ -6,7 +6,8 @@ first, if only to say which Python is needed.
 
 The environment is a folder ``.venv-3.11`` or ``.venv-3.13`` beside ``scripts/``: one for each Python that a Blender
 module exists for. It counts as complete when its stamp file holds the hash of the lock file; the stamp is removed
-first and written last, so an interrupted set-up starts over, from the installer's cache.
+first and written last, so an interrupted set-up starts over, from the installer's cache. A folder that is a link to
+elsewhere is used when it is complete, but never written to.
 """
 
 from __future__ import annotations
@@ -270,11 +271,21 @@ def install_with_pip(python: str, version: str) -> None:
         fail("the packages could not be installed; the lines above say why. Run the same command again to go on.")
 
 
+def check_is_own(folder: str) -> None:
+    """Ends the script when what would be emptied and filled is not this checkout's own folder, but a link elsewhere."""
+    if os.path.realpath(folder) != os.path.join(os.path.realpath(ROOT), os.path.basename(folder)):
+        fail(
+            f"{folder} leads to {os.path.realpath(folder)}, outside of this checkout, and is not set up for it; "
+            "nothing was changed there. Remove the link and try again."
+        )
+
+
 def set_up(python: str, version: str) -> None:
     """Makes the environment, unless it is complete. Ends the script when that fails."""
     if is_complete(version):
         return
     folder = environment_folder(version)
+    check_is_own(folder)
     with only_one(version):
         if is_complete(version):  # by the process that was waited for
             return

@@ -21,8 +21,8 @@ APPLIES: dict[str, Callable[[Any], bool]] = {
     "memory_budget": lambda s: s.voxel_auto,
     "bounces": lambda s: _gathers_light(s),
     "bounce_rays": lambda s: _gathers_light(s),  # without bounces too: they bring the light of world and emitters
-    "gather_interval": lambda s: s.use_indirect,
-    "reuse_frames": lambda s: s.use_indirect,
+    "gather_interval": lambda s: s.use_indirect and s.noise_threshold <= 0.0,
+    "reuse_frames": lambda s: s.use_indirect and s.noise_threshold <= 0.0,
     "clamp_indirect": lambda s: s.use_indirect or s.use_specular,
     "rays": lambda s: s.use_indirect and s.gather_mode != "CONES",
     "direct_amount": lambda s: s.use_direct,
@@ -30,6 +30,7 @@ APPLIES: dict[str, Callable[[Any], bool]] = {
     "gather_mode": lambda s: s.use_indirect,
     "specular_amount": lambda s: s.use_specular,
     "specular_aperture": lambda s: s.use_specular,
+    "glossy_layers": lambda s: s.use_specular and s.gather_mode != "OCCLUSION",
     "light_falloff": lambda s: s.use_direct or s.use_indirect,
     "max_distance": lambda s: s.use_indirect or s.use_specular,
     "shadow_amount": lambda s: s.use_shadows,

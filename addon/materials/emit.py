@@ -117,6 +117,7 @@ class Emitter:
         if key not in self._by_key:
             if expr.kind == "sample":
                 text = self._sample(expr.value, *args)
+                text = f"divided_by_alpha({text})" if expr.value.divides else text
             elif expr.kind == "ramp":
                 text = self._ramp(expr.value, *args)
             else:
@@ -242,5 +243,5 @@ def _value_key(value: Any) -> Any:
     """Equal for look-ups that are the same."""
     if isinstance(value, Sample):
         tiles = tuple((number, id(image)) for number, image in value.tiles)
-        return tiles, value.extension, value.interpolation
+        return tiles, value.extension, value.interpolation, value.divides
     return id(value) if isinstance(value, Ramp) else None

@@ -290,6 +290,7 @@ class Sample:
     is_udim: bool
     extension: str
     interpolation: str
+    divides: bool = False  # colour by alpha, which it holds as a factor
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from .expression import (
     vec3,
 )  # fmt: skip
 from .graph import AlphaMode, ImageSet, Node
-from .images import image_as_read
+from .images import divides_by_alpha, image_as_read
 from .nodes_input import uv
 from .reader import GraphReader, value_node
 
@@ -96,6 +96,7 @@ def _sample(reader: GraphReader, node: Node, images: ImageSet, coordinate: Expr,
     sample = Sample(
         tuple((number - 1001, image_as_read(image, is_alpha_used)) for number, image in tiles), images.is_udim,
         "EXTEND" if images.is_udim else extension, interpolation,
+        divides=any(divides_by_alpha(image, is_alpha_used) for _, image in tiles),
     )  # fmt: skip
     return Expr(VEC4, "sample", (coordinate, footprint(coordinate)), sample)
 

@@ -17,7 +17,7 @@ from ..settings import Settings
 from .cones import ConeVolume
 from .emitters import EmitterTable
 from .inject import LightTable
-from .surface import SurfacePictures
+from .surface import SurfacePictures, View
 from .voxelize import Voxels
 from .world import WorldLight
 
@@ -54,6 +54,11 @@ class Frame:
     features: Features
     settings: Settings
     active_tiles: ActiveTiles | None = None  # None: all are
+
+    @property
+    def view(self) -> View:
+        """For pass ``surface``."""
+        return View(self.camera, self.offset, self.sample, self.settings.seed)
 
     @property
     def defines(self) -> dict[str, object]:

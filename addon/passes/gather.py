@@ -43,7 +43,9 @@ class GatherPass:
         they find of them.
         """
         assert frame.gather is not None
-        self.allocate(frame.size, emitted=keeps_emitted, nearness=frame.features.has_reconstruction)
+        features = frame.features
+        nearness = features.has_reconstruction and not features.gather_cones  # what cones bring is not shared
+        self.allocate(frame.size, emitted=keeps_emitted, nearness=nearness)
         assert self.incoming is not None
         yield from self._trace(frame, lit, frame.gather, [self.incoming, self.emitted], direct)
 
@@ -65,6 +67,7 @@ class GatherPass:
         incoming, emitted = pictures
         assert incoming is not None
         fills = gather is None
+        nearness = None if fills else self._nearness
         glow_is_direct = features.gathers_emission and features.draws_emitters_at_pixels
         kernel = self.gpu.kernel(
             "gather",
@@ -78,7 +81,7 @@ class GatherPass:
                 "GLOW_IS_DIRECT": glow_is_direct,
                 "WORLD_IS_DRAWN": features.draws_world_at_pixels,
                 "KEEPS_EMITTED": emitted is not None,
-                "KEEPS_NEARNESS": features.has_reconstruction and not fills,
+                "KEEPS_NEARNESS": nearness is not None,
                 "FILLS": fills,
             },
         )
@@ -100,8 +103,8 @@ class GatherPass:
             if features.draws_world_at_pixels:
                 lit.world.bind_drawn(kernel, WORLD_SAMPLES, table=False)
             if gather is not None:
-                if self._nearness is not None:
-                    self._nearness.bind_to_image(interface.slot("IMG_2"), read=True, write=True)
+                if nearness is not None:
+                    nearness.bind_to_image(interface.slot("IMG_2"), read=True, write=True)
                     kernel.set(pass_index=gather.index)
                 if glow_is_direct:
                     assert direct is not None

@@ -38,7 +38,8 @@ class LightHistory:
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
-        self._records: list[_Record] = []  # this frame's, the last one's
+        self._now: _Record | None = None
+        self._last: _Record | None = None  # made when a frame first takes over light
         self._key: tuple = ()
         self.forget()
 
@@ -51,13 +52,14 @@ class LightHistory:
     def start(self, camera: CameraRays, samples: int, interval: int, taken: int, *, continues: bool) -> None:
         """Begin a frame of ``samples`` passes of which one in ``interval`` gathers.
 
-        ``continues``: all but the camera is as it was in the last frame, which took ``taken`` passes.
+        ``continues``: all but the camera is as it was in the last frame, which took ``taken`` passes: 0 leave
+        nothing to take over.
         """
-        if continues and self._cameras:
+        if continues and taken:
             self._first_sample += taken
             self._first_gather += -(-taken // self._interval)
             self._cameras = [camera, self._cameras[0]]
-            self._records.reverse()
+            self._now, self._last = self._last, self._now
             interval *= CONTINUED
         else:
             self.forget()
@@ -80,39 +82,42 @@ class LightHistory:
         key = (frame.size, len(lights))
         if key != self._key:
             self.release()
-            self._records = [_Record(self.gpu, frame.size, len(lights)) for _ in range(2)]
-            self._cameras = self._cameras[:1]
             self._key = key
-        now, before = self._records
-        camera = self._cameras[-1]
-        if frame.gather is None:
-            before, camera = now, self._cameras[0]
-        kernel = self.gpu.kernel("history", frame.defines | {"KINDS": len(lights), "LOOKS_UP": frame.gather is None})
-        matrix = camera.raster_matrix((0.5, 0.5))
-        is_known = len(self._cameras) > 1
+        if self._now is None:
+            self._now = _Record(self.gpu, frame.size, len(lights))
+        now, last, gather = self._now, self._last, frame.gather
+        takes_over = gather is not None and len(self._cameras) > 1 and last is not None
+        before = now if gather is None else last
+        matrix = self._cameras[0 if gather is None else -1].raster_matrix((0.5, 0.5))
+        kernel = self.gpu.kernel(
+            "history", frame.defines | {"KINDS": len(lights), "LOOKS_UP": gather is None, "TAKES_OVER": takes_over}
+        )
 
         def bind() -> None:
             slot = interface.slot
             frame.bind(kernel)
-            before.place.use(slot("TEX_BEFORE_PLACE"))
             for kind, light in enumerate(lights):
-                before.means[kind].use(slot("TEX_BEFORE_0") + kind)
                 light.bind_to_image(slot("IMG_0") + kind, read=True, write=True)
-                now.means[kind].bind_to_image(slot("IMG_3") + kind, read=True, write=True)
-            now.place.bind_to_image(slot("IMG_6"), read=True, write=True)
-            kernel.set(before_from_grid=tuple(np.asarray(matrix.T, np.float32).ravel().tolist()))
-            if frame.gather is not None:
-                kernel.set(
-                    frame_passes=float(self._gathers),
-                    most_passes=float(LONGEST * self._gathers) if is_known else 0.0,
-                    is_first=frame.gather.index == 0,
-                )
+            if takes_over or gather is None:
+                assert before is not None
+                before.place.use(slot("TEX_BEFORE_PLACE"))
+                for kind, mean in enumerate(before.means):
+                    mean.use(slot("TEX_BEFORE_0") + kind)
+                kernel.set(before_from_grid=tuple(np.asarray(matrix.T, np.float32).ravel().tolist()))
+            if takes_over:
+                kernel.set(most_passes=float(LONGEST * self._gathers))
+            if gather is not None:
+                for kind, mean in enumerate(now.means):
+                    mean.bind_to_image(slot("IMG_3") + kind, read=True, write=True)
+                now.place.bind_to_image(slot("IMG_6"), read=True, write=True)
+                kernel.set(frame_passes=float(self._gathers), is_first=gather.index == 0)
 
         yield from run_tiles(self.gpu, "history", kernel, frame, COST, bind)
 
     def release(self) -> None:
         """Free everything."""
-        for record in self._records:
-            record.release(self.gpu)
-        self._records = []
+        for record in (self._now, self._last):
+            if record is not None:
+                record.release(self.gpu)
+        self._now = self._last = None
         self._key = ()

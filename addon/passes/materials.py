@@ -189,8 +189,11 @@ def upload_image(gpu: GpuContext, image: ImageData) -> moderngl.Texture:
         )
         size = 4
     else:
-        half = np.clip(np.nan_to_num(pixels), -65504, 65504).astype(np.float16)
-        texture = gpu.mgl.texture((width, height), 4, half.tobytes(), dtype="f2", alignment=1)
-        size = 8
+        most = float(np.finfo(np.float16).max)
+        pixels = np.nan_to_num(pixels, posinf=most, neginf=-most)
+        fits = bool(np.abs(pixels).max(initial=0.0) <= most)  # the sun in a picture of the sky may not
+        pixels = pixels.astype(np.float16 if fits else np.float32)
+        texture = gpu.mgl.texture((width, height), 4, pixels.tobytes(), dtype="f2" if fits else "f4", alignment=1)
+        size = 8 if fits else 16
     texture.build_mipmaps()
     return gpu.adopt("image textures", texture, width * height * size * 4 // 3)

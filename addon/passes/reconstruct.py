@@ -62,6 +62,8 @@ class ReconstructPass:
             light.use(interface.slot("TEX_GATHERED"))
             self._pictures[1].bind_to_image(interface.slot("IMG_0"), read=False, write=True)
             kernel.set(stride=1 << level, tolerance=TOLERANCE * shrunk, least_radius=LEAST_RADIUS * shrunk)
+            if self.glossy:
+                kernel.set(specular_aperture=frame.settings.specular_aperture)
 
         yield from run_tiles(self.gpu, "reconstruct", kernel, frame, COST, bind)
 

@@ -146,11 +146,15 @@ class ReflectPass:
     ) -> Iterator[float]:
         """Light that leaves the surfaces that were met, as if the camera saw them; all but what they reflect."""
         features, settings, slot = frame.features, frame.settings, interface.slot
-        yield from surface_pass.shade(surfaces, frame.surface, frame.camera, frame.offset, frame.sample, settings)
+        yield from surface_pass.shade(surfaces, frame.surface, frame.view)
         if features.has_direct:
             yield from self._direct.run(frame, lit)
+        else:
+            self._direct.release()
         if features.has_diffuse_gather:
             yield from self._gather.run(frame, lit, self._direct.diffuse, keeps_emitted=False)
+        else:
+            self._gather.release()
         with self.gpu.timed("reflect"):
             kernel = self.gpu.kernel(
                 "collect",

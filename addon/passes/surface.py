@@ -22,6 +22,8 @@ from .voxelize import Voxels
 
 #: Partly transparent surfaces that one pass looks through at a pixel, at most; the next one counts as opaque.
 MAX_LAYERS = 256
+#: Texels of a pixel's own ray, side by side (lib/ray.glsl).
+RAY_TEXELS = 2
 
 
 @dataclass
@@ -36,7 +38,7 @@ class SurfacePictures:
     f0: moderngl.Texture
     f90: moderngl.Texture
     emission: moderngl.Texture
-    rays: moderngl.Texture | None  # rgba32f, two texels a pixel: see lib/ray.glsl
+    rays: moderngl.Texture | None  # rgba32f, RAY_TEXELS a pixel
 
     @classmethod
     def allocate(cls, gpu: GpuContext, name: str, size: tuple[int, int], *, rays: bool) -> SurfacePictures:
@@ -52,7 +54,7 @@ class SurfacePictures:
             f0=picture(4, "f2"),
             f90=picture(4, "f2"),
             emission=picture(4, "f4"),
-            rays=picture(4, "f4", 2) if rays else None,
+            rays=picture(4, "f4", RAY_TEXELS) if rays else None,
         )
 
     @property
@@ -84,6 +86,21 @@ class SurfacePictures:
 
     def release(self, gpu: GpuContext) -> None:
         gpu.free(self.seen, self.position, self.normal, self.diffuse, self.f0, self.f90, self.emission, self.rays)
+
+
+@dataclass(frozen=True)
+class View:
+    """How one pass looks at the surfaces."""
+
+    camera: CameraRays
+    offset: tuple[float, float]  # where in each pixel it samples
+    sample: int  # of the random sequences
+    seed: int
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """For lib/camera.glsl."""
+        return self.camera.uniforms(self.offset)
 
 
 @dataclass(frozen=True)
@@ -128,41 +145,26 @@ class SurfacePass:
         self._batches = batches
         return self.pictures
 
-    def run(
-        self,
-        surfaces: Surfaces,
-        camera: CameraRays,
-        offset: tuple[float, float],
-        sample: int,
-        settings: Settings,
-    ) -> Iterator[float]:
-        """Fill ``pictures`` for one pass that samples pixels at ``offset``. Yields the share done."""
+    def run(self, surfaces: Surfaces, view: View) -> Iterator[float]:
+        """Fill ``pictures`` for one pass. Yields the share done."""
         assert self.pictures is not None
         with self.gpu.timed("visibility"):
-            self._rasterize(surfaces.geometry, camera, offset)
-        yield from self.shade(surfaces, self.pictures, camera, offset, sample, settings)
+            self._rasterize(surfaces.geometry, view)
+        yield from self.shade(surfaces, self.pictures, view)
 
-    def shade(
-        self,
-        surfaces: Surfaces,
-        pictures: SurfacePictures,
-        camera: CameraRays,
-        offset: tuple[float, float],
-        sample: int,
-        settings: Settings,
-    ) -> Iterator[float]:
+    def shade(self, surfaces: Surfaces, pictures: SurfacePictures, view: View) -> Iterator[float]:
         """Fill ``pictures`` where ``seen`` says which triangle their rays meet first. Yields the share done."""
         if surfaces.geometry.triangle_count:
             with self.gpu.timed("surface"):
-                for _ in self._evaluate(surfaces, pictures, camera, offset, sample, settings.seed):
+                for _ in self._evaluate(surfaces, pictures, view):
                     yield 0.25
         yield 0.5
         if surfaces.materials.has_transparency and surfaces.geometry.triangle_count:
-            yield from self._look_through(surfaces, pictures, camera, offset, sample, settings.seed)
+            yield from self._look_through(surfaces, pictures, view)
         yield 1.0
 
-    def _rasterize(self, geometry: Geometry, camera: CameraRays, offset: tuple[float, float]) -> None:
-        gpu = self.gpu
+    def _rasterize(self, geometry: Geometry, view: View) -> None:
+        gpu, camera = self.gpu, view.camera
         framebuffer, depth, pictures = self._framebuffer, self._depth, self.pictures
         assert framebuffer is not None and depth is not None and pictures is not None
         pictures.seen.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
@@ -176,7 +178,7 @@ class SurfacePass:
             return
         program = gpu.program("visibility")
         matrix: Any = program["clip_from_grid"]
-        matrix.write(np.ascontiguousarray(camera.raster_matrix(offset).T, np.float32).tobytes())
+        matrix.write(np.ascontiguousarray(camera.raster_matrix(view.offset).T, np.float32).tobytes())
         for name, value in (
             ("camera_position", camera.position),
             ("camera_forward", camera.forward),
@@ -199,14 +201,7 @@ class SurfacePass:
         gpu.barrier()  # the numbers are read through image loads
 
     def _evaluate(
-        self,
-        surfaces: Surfaces,
-        pictures: SurfacePictures,
-        camera: CameraRays,
-        offset: tuple[float, float],
-        sample: int,
-        seed: int,
-        behind: int = 0,
+        self, surfaces: Surfaces, pictures: SurfacePictures, view: View, behind: int = 0
     ) -> Iterator[None]:
         """Evaluate the materials of all pixels. Yields after each program that had to be compiled.
 
@@ -238,10 +233,10 @@ class SurfacePass:
             material_pass.bind(batch, kernel)
             kernel.set(
                 batch=index,
-                random_seed=(seed * 0x9E3779B1 + sample * MAX_LAYERS + behind) & 0xFFFFFFFF,
-                turn_seed=seed + behind,
-                sample_index=sample,
-                **camera.uniforms(offset),
+                random_seed=(view.seed * 0x9E3779B1 + view.sample * MAX_LAYERS + behind) & 0xFFFFFFFF,
+                turn_seed=view.seed + behind,
+                sample_index=view.sample,
+                **view.uniforms,
             )
             if family.has_transparency:
                 kernel.set(last_layer=behind == MAX_LAYERS - 1)
@@ -271,26 +266,16 @@ class SurfacePass:
                 kernel.run_tiles(*pictures.size)
             gpu.barrier()  # each step reads the counters of the one before; dispatches read their arguments
 
-    def _look_through(
-        self,
-        surfaces: Surfaces,
-        pictures: SurfacePictures,
-        camera: CameraRays,
-        offset: tuple[float, float],
-        sample: int,
-        seed: int,
-    ) -> Iterator[float]:
+    def _look_through(self, surfaces: Surfaces, pictures: SurfacePictures, view: View) -> Iterator[float]:
         for behind in range(1, MAX_LAYERS):
             with self.gpu.timed("surface"):
-                if not self._advance(surfaces.voxels, pictures, camera, offset):
+                if not self._advance(surfaces.voxels, pictures, view):
                     return
-                for _ in self._evaluate(surfaces, pictures, camera, offset, sample, seed, behind):
+                for _ in self._evaluate(surfaces, pictures, view, behind):
                     yield 0.5
             yield 0.5 + 0.5 * behind / MAX_LAYERS
 
-    def _advance(
-        self, voxels: Voxels, pictures: SurfacePictures, camera: CameraRays, offset: tuple[float, float]
-    ) -> bool:
+    def _advance(self, voxels: Voxels, pictures: SurfacePictures, view: View) -> bool:
         """Find what lies behind the surfaces that this pass looks through; whether there is anything."""
         gpu, slot = self.gpu, interface.slot
         assert self._counters is not None
@@ -298,7 +283,7 @@ class SurfacePass:
         self._counters.clear()
         voxels.bind(kernel)
         rays = RayVisibility.CAMERA if pictures.rays is None else RayVisibility.GLOSSY
-        kernel.set(ray_mask=int(rays), **camera.uniforms(offset))
+        kernel.set(ray_mask=int(rays), **view.uniforms)
         pictures.bind_rays()
         pictures.position.use(slot("TEX_POSITION"))
         pictures.seen.bind_to_image(slot("IMG_0"), read=True, write=True)
@@ -308,9 +293,7 @@ class SurfacePass:
         gpu.barrier()  # the count is read back, the marks by the next step
         return bool(np.frombuffer(self._counters.read(4), np.uint32)[0])
 
-    def show_lights(
-        self, lights: LightTable, camera: CameraRays, offset: tuple[float, float], settings: Settings
-    ) -> None:
+    def show_lights(self, lights: LightTable, view: View, settings: Settings) -> None:
         """Put lights that the camera sees into the pictures."""
         pictures = self.pictures
         assert pictures is not None
@@ -319,7 +302,7 @@ class SurfacePass:
             lights.bind(kernel, settings)
             pictures.position.use(interface.slot("TEX_POSITION"))
             pictures.bind_images()
-            kernel.set(**camera.uniforms(offset))
+            kernel.set(**view.uniforms)
             kernel.run_tiles(*pictures.size)
             self.gpu.barrier()  # lighting reads the pictures as textures
 

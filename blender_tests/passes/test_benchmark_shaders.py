@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 
 import numpy as np
@@ -63,6 +64,15 @@ def test_kernels_differ_and_one_is_our_own(changeable: GpuContext) -> None:
     np.testing.assert_allclose(found["six-60"], own, rtol=1e-3, atol=1e-4)
     for name in ("seed-6", "sixteen"):
         assert np.abs(found[name] - own).mean() > 0.01 * own.mean()
+
+
+def test_a_kernel_where_something_is_glossy(changeable: GpuContext) -> None:
+    """Reflections are shared between pixels, and gathered by rays that tell how near they ended; cones tell nothing."""
+    kernels.install("seed-6")
+    made = dataclasses.replace(scenes.cornell(), materials=(scenes.principled(0.8, Roughness=0.8),) * 3)
+    with pipeline(changeable, made, scenes.settings(16, gather_mode="CONES"), (16, 16), samples=1) as ready:
+        assert ready.features is not None and ready.features.has_glossy
+        assert changeable.memory["indirect light"] == 16 * 16 * 16  # incoming light and no more
 
 
 def test_a_kernel_does_not_stand_in_for_rays(changeable: GpuContext) -> None:

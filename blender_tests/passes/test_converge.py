@@ -60,6 +60,26 @@ def test_it_ends_and_is_as_good_as_it_says(gpu: GpuContext) -> None:
     assert errors[1] < errors[0]
 
 
+def test_noise_is_not_hidden_by_light_taken_over(gpu: GpuContext) -> None:
+    """Where all noise is that of gathers, it reads as high as it is, though passes were to take over light."""
+    scene = scenes.scene(
+        (scenes.box((-2.0, -2.0, 0.0), (2.0, 2.0, 3.0), inside_out=True), scenes.diffuse(0.8)),
+        (scenes.plane(1.5), scenes.emission(4.0), scenes.at(0.0, 0.0, 0.1)),
+        camera=scenes.camera((0.0, -1.9, 1.5), (0.0, 1.0, 1.5), aspect=4 / 3),
+    )  # fmt: skip
+    plain = {"use_reconstruction": False, "rays": 1}
+    with pipeline(gpu, scene, scenes.settings(16, **plain), SIZE, samples=512) as ready:
+        truth = ready.film.read("combined")[..., :3]
+    for interval in (1, 4):
+        settings = scenes.settings(16, noise_threshold=1e-6, gather_interval=interval, **plain)
+        with pipeline(gpu, scene, settings, SIZE, samples=16) as ready:
+            convergence = ready.film._convergence
+            assert convergence is not None
+            found, read = ready.film.read("combined")[..., :3], convergence.noise.mean()
+        noise = np.sqrt(np.mean(np.abs(found - truth).sum(-1) ** 2) / truth.sum(-1).mean())
+        assert 0.5 < read / noise < 2.0, interval
+
+
 def test_without_a_threshold_there_is_no_cost(gpu: GpuContext) -> None:
     with pipeline(gpu, half_quiet(), scenes.settings(16), SIZE, samples=1) as ready:
         plain = ready.statistics()["memory"]["film"]

@@ -148,3 +148,18 @@ def test_a_sun_behind_rough_glass(roughness: float, gpu: GpuContext) -> None:
     assert both.mean() == pytest.approx(rays.mean(), rel=0.02)
     if roughness > 0.5:
         assert both.std() < 0.5 * rays.std()
+
+
+def test_cones_to_lamps_behind_glass_leave_on_its_far_side(gpu: GpuContext) -> None:
+    """A lamp outside of dark, frosted glass, from inside: no shadow of the surface on itself, which took its share."""
+    made = scenes.scene(
+        (scenes.plane(4.0), glass(1.5, 0.4, 0.3)),
+        lights=[scenes.light(LightKind.POINT, 10.0, (0.0, 0.0, 1.5))],
+        camera=scenes.camera((0.0, 0.0, -1.0), (0.0, 0.0, 0.0), width=0.1),
+    )
+    found = [
+        picture(gpu, made, scenes.settings(16, use_indirect=False, **shadows), (8, 8), 16).mean()
+        for shadows in ({"use_shadows": False}, {"shadow_mode": "CONE"})
+    ]
+    assert found[0] > 0.0
+    assert found[1] == pytest.approx(found[0], rel=0.02)

@@ -39,13 +39,18 @@ def moved(scene: SceneData, eye: float) -> SceneData:
     return dataclasses.replace(scene, camera=room(eye).camera)
 
 
+def prepare_next(made: Pipeline, scene: SceneData, chosen: Settings, *, follows: bool = True) -> None:
+    """Begin the next frame of an animation."""
+    for _ in made.prepare(scene, chosen, SIZE, follows=follows):
+        pass
+
+
 def frames(gpu: GpuContext, shown: list[SceneData], chosen: Settings) -> Iterator[np.ndarray]:
     """The pictures of an animation."""
     made = Pipeline(gpu)
     try:
         for number, scene in enumerate(shown):
-            for _ in made.prepare(scene, chosen, SIZE, follows=number > 0):
-                pass
+            prepare_next(made, scene, chosen, follows=number > 0)
             sample(made, chosen.samples)
             yield made.film.read("combined")[..., :3].copy()
     finally:
@@ -127,18 +132,22 @@ def test_what_comes_into_sight_is_dark(gpu: GpuContext) -> None:
     assert error(last, wanted) < 1.3 * error(single, wanted)
 
 
-@pytest.mark.parametrize("change", ["light", "alone"])
+@pytest.mark.parametrize("change", ["light", "outputs", "alone", "nothing was found"])
 def test_nothing_is_taken_over_from_elsewhere(change: str, gpu: GpuContext) -> None:
-    """Another lamp, or a frame that follows none: to the bit what the frame is by itself."""
-    first, chosen = room(), settings()
-    second = {"light": room(power=3.0), "alone": first}[change]
+    """Another lamp, other kinds of light to keep, a frame that follows none or one without passes: to the bit what the
+    frame is by itself."""
+    first, chosen = room(), settings(samples=4)
+    second = room(power=3.0) if change == "light" else moved(first, 0.1)
     made = Pipeline(gpu)
     try:
         prepare(made, first, chosen, SIZE)
-        sample(made, 2)
-        for _ in made.prepare(second, chosen, SIZE, follows=change != "alone"):
-            pass
-        sample(made, 2)
+        sample(made, 4)
+        if change == "nothing was found":
+            prepare_next(made, moved(first, 0.05), chosen)
+        if change == "outputs":
+            made.want(["diffuse_direct"])
+        prepare_next(made, second, chosen, follows=change != "alone")
+        sample(made, 4)
         found = made.film.read("combined")[..., :3]
     finally:
         made.release()
@@ -155,8 +164,9 @@ def test_a_still_camera_converges(gpu: GpuContext) -> None:
 
 
 def test_without_the_settings_nothing_is_kept(gpu: GpuContext) -> None:
-    """No picture of light, and no pass."""
+    """No picture of light, and no pass; a frame that follows none keeps one mean and its places, not two."""
     for chosen, kept in ((settings(reuse_frames=False), False), (settings(), True)):
         with pipeline(gpu, room(), chosen, SIZE) as made:
             assert ("light of frames" in gpu.memory, "history" in gpu.times) == (kept, kept)
+            assert gpu.memory.get("light of frames", 0) == kept * 32 * SIZE[0] * SIZE[1]
             assert made.features is not None and made.features.keeps_light == kept

@@ -11,7 +11,7 @@ import pytest
 
 from addon.features import Features
 from addon.gpu.context import GpuContext
-from addon.pipeline import Pipeline
+from addon.pipeline import Pipeline, PipelineError
 from addon.scene import LightKind, SceneData
 from addon.settings import Settings
 from blender_tests.passes import scenes
@@ -47,10 +47,13 @@ def test_two_pipelines_give_the_same_bits(gpu: GpuContext) -> None:
     assert fresh(gpu, made) == fresh(gpu, made)
 
 
-def test_undefined_memory_does_not_show(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("more", [{}, {"gather_interval": 2, "reuse_frames": True}], ids=["plain", "taken over"])
+def test_undefined_memory_does_not_show(
+    more: dict[str, Any], gpu: GpuContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Textures made without content hold NaN (all bits set): nothing may read what it did not write. Bounces go on
     until they converge, so that what decides when to stop is seen too."""
-    made, settings = glossy_room(), dataclasses.replace(SETTINGS, bounces=64)
+    made, settings = glossy_room(), dataclasses.replace(SETTINGS, bounces=64, **more)
     first = fresh(gpu, made, settings)
     original = GpuContext.texture
 
@@ -235,3 +238,28 @@ def test_settings_switch_things_off(gpu: GpuContext) -> None:
     assert "link" not in passes and "links" not in memory and "gather" in passes
     _, passes, programs, _ = report(gpu, scenes.cornell(), scenes.settings(16, use_direct=False))
     assert "direct" not in programs and "inject" in programs
+
+
+def test_what_reflections_show_is_let_go_of_too(gpu: GpuContext) -> None:
+    """Pictures of light that the settings no longer want, of what the camera sees and of what reflections show."""
+    made, ready = glossy_room(), Pipeline(gpu)
+    try:
+        for settings, kept in ((SETTINGS, True), (dataclasses.replace(SETTINGS, use_direct=False), False)):
+            prepare(ready, made, settings, SIZE)
+            sample(ready, 1)
+            assert ready.features is not None and ready.features.follows_glossy
+            assert ("direct light" in gpu.memory) == kept
+    finally:
+        ready.release()
+
+
+def test_rays_of_pixels_must_fit_into_a_texture(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They take two texels side by side; the sentence says how wide the picture may be."""
+    made, ready = glossy_room(), Pipeline(gpu)
+    monkeypatch.setattr(type(gpu.mgl), "info", {**gpu.mgl.info, "GL_MAX_TEXTURE_SIZE": 40})
+    try:
+        prepare(ready, made, dataclasses.replace(SETTINGS, glossy_layers=0), SIZE)
+        with pytest.raises(PipelineError, match="draws up to 20 from left to right"):
+            prepare(ready, made, SETTINGS, SIZE)
+    finally:
+        ready.release()

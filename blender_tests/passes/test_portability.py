@@ -91,6 +91,9 @@ MODES = {
     "cones": {"gather_mode": "CONES", "shadow_mode": "CONE"},
     "occlusion": {"gather_mode": "OCCLUSION"},
     "falloff 1, no bounces, no shadows": {"light_falloff": 1.0, "bounces": 0, "use_shadows": False},
+    "a pass that gathers nothing": {"gather_interval": 2, "reuse_frames": True},
+    "cones in every other pass": {"gather_mode": "CONES", "gather_interval": 2},
+    "occlusion in every other pass": {"gather_mode": "OCCLUSION", "gather_interval": 2},
     "limits": {"clamp_indirect": 1.0, "max_distance": 1.5, "specular_aperture": 0.5, "shadow_amount": 0.5},
 }
 
@@ -124,7 +127,7 @@ def test_textures_are_seen(gpu: GpuContext) -> None:
 
 
 def test_more_images_than_units(gpu: GpuContext) -> None:
-    """A material with nine images, the most that GL 4.3 has room for, is rendered."""
+    """A material with nine images, one more than the least GL 4.3 has room for, is rendered."""
     images = [node(f"T{k}", "TexImage", image=checker(2)) for k in range(9)]
     mixes = [images[0]]
     chain = "T0.Color"

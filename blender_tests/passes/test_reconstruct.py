@@ -21,7 +21,7 @@ def shared(ready: Pipeline, light: np.ndarray, *, index: int = 0, glossy: bool =
     """``light`` ((H, W, 4) float32; w: nearness) as pixels share it in pass ``index``."""
     surface, features = ready._surface.pictures, ready.features
     assert surface is not None and features is not None
-    frame = Frame(index, index, Gather(index, index), ready._camera, (0.5, 0.5), surface, features, scenes.settings(16))
+    frame = Frame(index, index, Gather(index, index), ready._camera, (0.5, 0.5), surface, features, ready._settings)
     source = ready.gpu.texture("light", SIZE, 4, "f4")
     source.write(np.ascontiguousarray(light, np.float32).tobytes())
     sharing = ReconstructPass(ready.gpu, glossy=glossy)
@@ -98,12 +98,17 @@ def test_sharing_ends_where_surfaces_are_near_and_passes_many(gpu: GpuContext) -
         assert left(10.0, 10**6) == pytest.approx(1.0, abs=0.02)
 
 
-@pytest.mark.parametrize(("roughness", "is_shared"), [(1.0, True), (0.1, False)])
-def test_reflections_are_shared_within_their_lobe(roughness: float, is_shared: bool, gpu: GpuContext) -> None:
-    """A rough surface shares what it mirrors of things two cells away, a polished one does not. Both keep the mean."""
+@pytest.mark.parametrize(
+    ("roughness", "aperture", "is_shared"), [(1.0, 1.0, True), (0.1, 1.0, False), (1.0, 0.01, False)]
+)
+def test_reflections_are_shared_within_their_lobe(
+    roughness: float, aperture: float, is_shared: bool, gpu: GpuContext
+) -> None:
+    """A rough surface shares what it mirrors of things two cells away; a polished one does not, nor one that the
+    settings polish. All keep the mean."""
     noise = np.random.default_rng(3).random((SIZE[1], SIZE[0], 3)).astype(np.float32)
     metal = scenes.principled((0.9, 0.5, 0.2), Metallic=1.0, Roughness=roughness)
-    with pipeline(gpu, wall(metal), scenes.settings(16), SIZE, samples=1) as ready:
+    with pipeline(gpu, wall(metal), scenes.settings(16, specular_aperture=aperture), SIZE, samples=1) as ready:
         found = shared(ready, picture(noise, 0.5), glossy=True, index=10**3)
     left = found.var(axis=(0, 1)).mean() / noise.var(axis=(0, 1)).mean()
     assert left < 0.5 if is_shared else left > 0.9

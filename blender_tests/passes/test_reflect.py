@@ -149,15 +149,20 @@ def area_reflection(roughness: float) -> float:
     return float((3.0 * brdf_cos * light[..., 2] / squared).mean())  # the lamp's area is 1
 
 
-@pytest.mark.parametrize("roughness", [0.15, 0.3, 0.5, 0.9])
-def test_a_lamp_in_lobes_of_any_width(roughness: float, gpu: GpuContext) -> None:
-    """Points on the lamp and rays of the lobe find it together: the integral of the lobe over the lamp."""
+@pytest.mark.parametrize(
+    ("roughness", "surface", "aperture"),
+    [(0.15, 0.15, 1.0), (0.3, 0.3, 1.0), (0.5, 0.5, 1.0), (0.9, 0.9, 1.0), (0.3, 0.5, 0.36), (0.6, 0.3, 4.0)],
+)
+def test_a_lamp_in_lobes_of_any_width(roughness: float, surface: float, aperture: float, gpu: GpuContext) -> None:
+    """Points on the lamp and rays of the lobe find it together: the integral of the lobe over the lamp. ``roughness``:
+    of the lobe, which setting specular_aperture makes of that of the surface."""
     made = scenes.scene(
-        (scenes.plane(0.1), glossy(1.0, roughness)),
+        (scenes.plane(0.1), glossy(1.0, surface)),
         lights=[scenes.light(LightKind.AREA, 3.0, (0.6, 0.0, 2.0), size=(1.0, 1.0))],
         camera=scenes.camera((0.0, 0.0, 1.0), width=0.001),
     )
-    values = picture(gpu, made, scenes.settings(8, use_indirect=False), (16, 16), 64)
+    settings = scenes.settings(8, use_indirect=False, specular_aperture=aperture)
+    values = picture(gpu, made, settings, (16, 16), 64)
     assert values.mean() == pytest.approx(area_reflection(roughness), rel=0.03)
 
 

@@ -167,6 +167,14 @@ def test_a_patch_over_a_plane(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) 
     assert spreads[True] < 0.02 * spreads[False]
 
 
+def test_a_real_sun(gpu: GpuContext) -> None:
+    """Brighter than a half float holds."""
+    values = SUN * 1e3
+    settings = scenes.settings(8)
+    with pipeline(gpu, plane_under(values), settings, (16, 16), samples=8, outputs=("diffuse_direct",)) as ready:
+        assert ready.film.read("diffuse_direct")[..., 0].mean() == pytest.approx(on_a_plane(values), rel=0.02)
+
+
 def test_shadow_of_a_patch(gpu: GpuContext) -> None:
     """A board between plane and patch takes all of it."""
     azimuth = (0.5 - 101 / 256) * 2 * np.pi

@@ -19,7 +19,7 @@ import pytest
 
 ROOT = pathlib.Path(_bootstrap.ROOT)
 HERE = f"{sys.version_info[0]}.{sys.version_info[1]}"
-SCRIPTS = ("render", "test", "build_extension", "update_readme")
+SCRIPTS = ("render", "test", "benchmark", "build_extension", "update_readme")
 
 
 @pytest.fixture
@@ -228,6 +228,28 @@ def test_an_environment_whose_python_is_gone_is_not_complete(
     _bootstrap.set_up(sys.executable, HERE)
     os.remove(_bootstrap.environment_python(HERE))
     assert not _bootstrap.is_complete(HERE)
+
+
+@pytest.mark.parametrize("is_there", [True, False])
+def test_nothing_is_installed_through_a_link(
+    is_there: bool,
+    checkout: pathlib.Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    elsewhere = tmp_path_factory.mktemp("elsewhere") / "environment"
+    if is_there:
+        elsewhere.mkdir()
+        (elsewhere / _bootstrap.STAMP_NAME).write_text("of another lock file\n")
+    (checkout / f".venv-{HERE}").symlink_to(elsewhere)
+    monkeypatch.setattr(_bootstrap, "install_with_pip", fake_install)
+    with pytest.raises(SystemExit) as end:
+        _bootstrap.set_up(sys.executable, HERE)
+    assert end.value.code == 1
+    assert str(elsewhere) in capsys.readouterr().err
+    assert elsewhere.exists() == is_there
+    assert not is_there or [path.name for path in elsewhere.iterdir()] == [_bootstrap.STAMP_NAME]
 
 
 def test_a_python_without_venv_names_the_package(

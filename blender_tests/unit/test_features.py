@@ -82,6 +82,13 @@ def test_sun_lit_room(settings: dict[str, Any], has: dict[str, bool], expected: 
     assert features(room(lights=[SUN]), Settings(**settings), **has) == expected
 
 
+def test_light_is_kept_where_something_takes_it_over() -> None:
+    lit = room(lights=[SUN])
+    assert "keeps_light" in features(lit, Settings(gather_interval=2)) & features(lit, Settings(reuse_frames=True))
+    assert "keeps_light" not in features(lit)
+    assert "keeps_light" not in features(lit, Settings(gather_interval=2, reuse_frames=True, use_indirect=False))
+
+
 def test_only_sharp_reflections_are_followed() -> None:
     def follows(roughness: float, **settings: Any) -> bool:
         return "follows_glossy" in features(

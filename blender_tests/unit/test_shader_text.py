@@ -21,6 +21,14 @@ def test_shaders_lie_beside_the_add_on() -> None:
     assert any(name.startswith("passes/") for name in FILES) and any(name.startswith("tests/") for name in FILES)
 
 
+def test_the_readme_names_every_pass_and_every_library_file() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    passes = {path.name.partition(".")[0] for path in (ROOT / "passes").iterdir()}
+    passes |= {path.name for path in (ROOT.parent / "addon" / "passes").glob("[!_]*.py")}
+    library = {path.name for path in (ROOT / "lib").iterdir()}
+    assert [name for name in sorted(passes | library) if f"`{name}`" not in text] == []
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_every_include_exists_and_comes_once(name: str) -> None:
     source = resolve(name, {}, GENERATED)

@@ -80,7 +80,6 @@ class FetchCounter:
         low, high = np.frombuffer(self._sums.read(), np.uint32).reshape(-1, 2).T.astype(object)
         self.counts = {name: int(low[i] + (high[i] << 32)) for i, name in enumerate(self._kernels)}
 
-
     def release(self) -> None:
         """Free the sums; the context must be current."""
         if self._sums is not None:

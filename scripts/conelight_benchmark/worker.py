@@ -30,6 +30,7 @@ from conelight_cli.output import choose_format  # noqa: E402
 from mathutils import Matrix, Vector  # noqa: E402
 
 from addon.host.film import PASSES  # noqa: E402
+from addon.passes.converge import FIRST_LOOK  # noqa: E402
 from blender_tests.pictures import Picture, write  # noqa: E402
 
 from . import fetches, kernels  # noqa: E402
@@ -116,10 +117,10 @@ def _prepare_cycles(scene: Any, job: Job) -> None:
 
 
 def _warm_up(scene: Any, job: Job) -> None:
-    """A tiny picture with few voxels and samples, by the same programs."""
+    """A tiny picture with few voxels and samples, by the same programs: some of ours run only in later passes."""
     scene.render.resolution_x, scene.render.resolution_y = WARM_UP_SIZE
     ours = getattr(scene, "conelight", None)
-    names = [(ours, "voxel_auto", False), (ours, "voxel_resolution", 16), (ours, "samples", 1)]
+    names = [(ours, "voxel_auto", False), (ours, "voxel_resolution", 16), (ours, "samples", FIRST_LOOK)]
     names += [(scene.cycles, "samples", 1), (scene.eevee, "taa_render_samples", 1)]
     kept = [(owner, name, getattr(owner, name)) for owner, name, _ in names if owner is not None]
     for owner, name, value in names:

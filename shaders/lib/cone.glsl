@@ -20,7 +20,6 @@ struct Cone {
     float limit;         // cells
 };
 
-// (radiance, transmittance) of a cone.
 // A wall seen at any angle adds up to opacity 1 when trilinear filters overlap; the gain makes up for steps that fall
 // between them (measured: walls of one cell, half-angles to 30 degrees).
 const float CONE_GAIN = 1.25;
@@ -29,6 +28,7 @@ const float CONE_GAIN = 1.25;
 // receiver's own back, and what lies behind it.
 const float CONE_CLEARANCE = 1.0 / 3.0;
 
+// (radiance, transmittance) of a cone.
 vec4 trace_cone(Cone cone)
 {
     float t = 0.5 * cone_cell;

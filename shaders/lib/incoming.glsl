@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What arrives along a ray: light that surfaces pass on, and light straight from where it is made.
 //
-// The including program may define HAS_WORLD, WORLD_IS_DRAWN, HAS_EMITTERS (and then sets emission_amount) and GATHER_OCCLUSION.
+// The including program may define HAS_WORLD, WORLD_IS_DRAWN, HAS_EMITTERS (and then sets emission_amount) and
+// GATHER_OCCLUSION.
 
 #include "lib/clamp.glsl"
 #include "lib/radiance.glsl"

@@ -88,6 +88,11 @@ vec4 sample_image_clipped(sampler2D image, vec2 uv, float footprint) {
     return inside ? sample_image(image, uv, footprint) : vec4(0.0);
 }
 
+// Colour of a texel that holds colour times alpha.
+vec4 divided_by_alpha(vec4 texel) {
+    return texel.a > 0.0 ? vec4(texel.rgb / texel.a, texel.a) : texel;
+}
+
 // Every other repetition of the image runs backwards.
 vec2 mirrored(vec2 uv) {
     return 1.0 - abs(1.0 - mod(uv, 2.0));

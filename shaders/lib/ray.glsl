@@ -6,7 +6,8 @@
 #include "lib/camera.glsl"
 
 #if RAYS_OF_PIXELS
-layout(binding = IMG_RAYS, rgba32f) uniform image2D rays_img;  // two texels a pixel: origin, width; direction (octahedral), spread, shares
+// Two texels a pixel: origin, width; direction (octahedral), spread, shares (lib/ray_shares.glsl).
+layout(binding = IMG_RAYS, rgba32f) uniform image2D rays_img;
 #endif
 
 struct Ray {

@@ -20,7 +20,7 @@ struct ShadingPoint {
     vec3 normal_ws;         // unit, interpolated, on the viewer's side
     vec3 geometric_normal_ws;  // unit, of the triangle, on the viewer's side
     vec3 normal_os;         // unit, interpolated, object space, not flipped
-    vec3 incoming_ws;       // unit, from the point to the viewer (voxels: along the normal)
+    vec3 incoming_ws;       // unit, from the point to the viewer (voxels: at an angle, see voxel_accumulate)
     bool back_facing;       // the triangle is seen from behind
     float object_random;    // 0..1
     float object_index;
@@ -36,7 +36,8 @@ struct ShadingPoint {
 #endif
 };
 
-// A sum of lobes around one normal; a coat may have its own. Reflectances are weights: they already hold base colour, mix factors and layering.
+// A sum of lobes around one normal; a coat may have its own. Reflectances are weights: they already hold base colour, mix
+// factors and layering.
 struct Surface {
     vec3 diffuse;       // Lambertian reflectance
     vec3 specular_f0;   // GGX reflectance at normal incidence

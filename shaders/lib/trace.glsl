@@ -26,7 +26,6 @@ struct Hit {
 float solid_distance = 0.0;
 #endif
 
-
 // The first triangle that the ray meets (or, with `any_hit`, any) among those that rays of kind `ray_mask` see.
 // origin, direction (unit) and limit in grid space. `seed` decides at partly transparent surfaces.
 Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit, uint seed)

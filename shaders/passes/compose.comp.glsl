@@ -9,23 +9,44 @@
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 
 layout(binding = TEX_EMISSION) uniform sampler2D emission_tex;
+// Light at pixels, as composition is given it: a function for each kind, which returns 0 where there is none (HAS_).
+#define LIGHT(name, picture) vec3 name(ivec2 at) { return texelFetch(picture, at, 0).rgb; }
+#define NO_LIGHT(name) vec3 name(ivec2 at) { return vec3(0.0); }
 #if HAS_DIRECT_DIFFUSE
 layout(binding = TEX_DIRECT_DIFFUSE) uniform sampler2D direct_diffuse_tex;
+LIGHT(direct_diffuse, direct_diffuse_tex)
+#else
+NO_LIGHT(direct_diffuse)
 #endif
 #if HAS_DIRECT_GLOSSY
 layout(binding = TEX_DIRECT_GLOSSY) uniform sampler2D direct_glossy_tex;
+LIGHT(direct_glossy, direct_glossy_tex)
+#else
+NO_LIGHT(direct_glossy)
 #endif
 #if HAS_GATHERED
 layout(binding = TEX_GATHERED) uniform sampler2D gathered_tex;
+LIGHT(gathered, gathered_tex)
+#else
+NO_LIGHT(gathered)
 #endif
 #if HAS_GATHERED_EMITTED
 layout(binding = TEX_GATHERED_EMITTED) uniform sampler2D gathered_emitted_tex;
+LIGHT(gathered_emitted, gathered_emitted_tex)
+#else
+NO_LIGHT(gathered_emitted)
 #endif
 #if HAS_REFLECTED
 layout(binding = TEX_REFLECTED) uniform sampler2D reflected_tex;
+LIGHT(reflected, reflected_tex)
+#else
+NO_LIGHT(reflected)
 #endif
 #if HAS_REFLECTED_EMITTED
 layout(binding = TEX_REFLECTED_EMITTED) uniform sampler2D reflected_emitted_tex;
+LIGHT(reflected_emitted, reflected_emitted_tex)
+#else
+NO_LIGHT(reflected_emitted)
 #endif
 layout(binding = IMG_0, rgba32f) writeonly uniform image2D value_img;
 
@@ -42,59 +63,12 @@ uniform vec3 grid_origin_ws;
 // Diffuse: irradiance / pi. Direct: from lights, and what rays bring straight from where light is
 // made; indirect: what surfaces pass on. Cycles divides its passes so.
 
-vec3 emitted_diffuse(ivec2 at)
-{
-#if HAS_GATHERED_EMITTED
-    return indirect_amount * texelFetch(gathered_emitted_tex, at, 0).rgb;
-#else
-    return vec3(0.0);
-#endif
-}
-
-vec3 emitted_glossy(ivec2 at)
-{
-#if HAS_REFLECTED_EMITTED
-    return specular_amount * texelFetch(reflected_emitted_tex, at, 0).rgb;
-#else
-    return vec3(0.0);
-#endif
-}
-
-vec3 from_lights_diffuse(ivec2 at)
-{
-#if HAS_DIRECT_DIFFUSE
-    return direct_amount * texelFetch(direct_diffuse_tex, at, 0).rgb;
-#else
-    return vec3(0.0);
-#endif
-}
-
-vec3 from_lights_glossy(ivec2 at)
-{
-#if HAS_DIRECT_GLOSSY
-    return specular_amount * direct_amount * texelFetch(direct_glossy_tex, at, 0).rgb;
-#else
-    return vec3(0.0);
-#endif
-}
-
-vec3 gathered_diffuse(ivec2 at)
-{
-#if HAS_GATHERED
-    return indirect_amount * texelFetch(gathered_tex, at, 0).rgb;
-#else
-    return vec3(0.0);
-#endif
-}
-
-vec3 gathered_glossy(ivec2 at)
-{
-#if HAS_REFLECTED
-    return specular_amount * texelFetch(reflected_tex, at, 0).rgb;
-#else
-    return vec3(0.0);
-#endif
-}
+vec3 emitted_diffuse(ivec2 at) { return indirect_amount * gathered_emitted(at); }
+vec3 emitted_glossy(ivec2 at) { return specular_amount * reflected_emitted(at); }
+vec3 from_lights_diffuse(ivec2 at) { return direct_amount * direct_diffuse(at); }
+vec3 from_lights_glossy(ivec2 at) { return specular_amount * direct_amount * direct_glossy(at); }
+vec3 gathered_diffuse(ivec2 at) { return indirect_amount * gathered(at); }
+vec3 gathered_glossy(ivec2 at) { return specular_amount * reflected(at); }
 
 vec4 of_surface(bool is_surface, vec3 radiance)
 {

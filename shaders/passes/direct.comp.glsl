@@ -45,7 +45,7 @@ uniform float specular_aperture;
 #if HAS_EMITTERS || WORLD_IS_DRAWN
 uniform float max_distance;      // of what rays look for, cells
 
-// What light of `radiance` from `direction` brings that was drawn with `density`, candidates for each steradian, and that
+// What light of `radiance` from `direction` brings that was drawn with `density`, so many for each steradian, and that
 // `gathered` and `reflected` rays look for too. MIS weights are those of the candidates: any that add up to 1 are right.
 void weigh_drawn(Pixel p, vec3 view, vec3 glossy_normal, float alpha, vec3 direction, vec3 radiance, uint flags,
                  float density, float gathered, float reflected, out vec3 on_diffuse, out vec3 on_glossy)
@@ -67,13 +67,13 @@ void weigh_drawn(Pixel p, vec3 view, vec3 glossy_normal, float alpha, vec3 direc
 }
 #endif
 
-// Talbot, Cline and Egbert 2005, "Importance Resampling for Global Illumination": candidates drawn by power, one kept by
-// what it would bring unshadowed.
 #if HAS_EMITTERS
 // Rays that look for emitters too: gathered and reflected in this pass.
 uniform float gathered_rays;
 uniform float reflected_rays;
 
+// Talbot, Cline and Egbert 2005, "Importance Resampling for Global Illumination": candidates drawn by power, one kept by
+// what it would bring unshadowed.
 void add_emitters(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed, inout vec3 diffuse, inout vec3 glossy)
 {
     float alpha = max(p.alpha * specular_aperture, 1e-4);
@@ -146,6 +146,7 @@ void main()
         vec3 origin = p.position + p.geometric_normal * RAY_START;
         vec3 glossy_normal = p.normal;
 #if HAS_GLOSSY
+        float alpha = max(p.alpha * specular_aperture, 1e-4);
         glossy_normal = valid_reflection_normal(p.geometric_normal, -direction, p.normal);
 #endif
         uint pixel_seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
@@ -173,19 +174,17 @@ void main()
 #if HAS_TRANSMISSION
             if (behind && (light.flags & RAY_TRANSMISSION) != 0u) {
                 float facet_cosine;
-                float rays = ggx_bent_density(glossy_normal, -direction, s.direction, max(p.alpha * specular_aperture, 1e-4),
-                                              p.ior, facet_cosine);
+                float rays = ggx_bent_density(glossy_normal, -direction, s.direction, alpha, p.ior, facet_cosine);
                 float points = light_density(light, origin, s.direction, s.distance);
                 on_glossy = s.irradiance * p.transmission * (1.0 - dielectric_reflectance(facet_cosine, p.ior)) * rays *
                             mis_weight(points, rays);
             }
 #endif
             if ((light.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
-                float rays = ggx_density(glossy_normal, -direction, s.direction, max(p.alpha * specular_aperture, 1e-4));
+                float rays = ggx_density(glossy_normal, -direction, s.direction, alpha);
                 float points = light_density(light, origin, s.direction, s.distance);
-                on_glossy = s.irradiance * ggx_reflection(glossy_normal, -direction, s.direction, p.alpha, p.f0, p.f90,
-                                                          p.ior) *
-                            mis_weight(points, rays);
+                vec3 reflected = ggx_reflection(glossy_normal, -direction, s.direction, alpha, p.f0, p.f90, p.ior);
+                on_glossy = s.irradiance * reflected * mis_weight(points, rays);
             }
 #endif
             if (max_component(on_diffuse + on_glossy) <= 0.0) {
@@ -195,7 +194,8 @@ void main()
             if (use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u) {
 #if SHADOW_CONES
                 float angle = shadow_cone_angle > 0.0 ? 0.5 * shadow_cone_angle : light_half_angle(light, origin);
-                visible = cone_visibility(p.position, p.geometric_normal, s.direction, tan(angle), s.distance);
+                vec3 side = behind ? -p.geometric_normal : p.geometric_normal;
+                visible = cone_visibility(p.position, side, s.direction, tan(angle), s.distance);
 #else
                 vec3 from = behind ? p.position - p.geometric_normal * RAY_START : origin;
                 visible = is_blocked(from, s.direction, s.distance - RAY_START, hash(seed, sample_index)) ? 0.0 : 1.0;

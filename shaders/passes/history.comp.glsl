@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Diffuse light at pixels that is taken over from earlier passes, where they saw the same surface.
-// Without LOOKS_UP: this pass's light, in light_img (KINDS pictures, rgb), is blended with what the last frame left in
-// before_*, by how many gathers stand behind each, and goes into the mean that this frame leaves.
+// Without LOOKS_UP: this pass's light, in light_img (KINDS pictures, rgb), goes into the mean that this frame leaves.
+// TAKES_OVER: after it was blended with what the last frame left in before_*, by how many gathers stand behind each.
 // LOOKS_UP: this pass has gathered nothing: its light is what this frame, in before_*, has found so far; w: -1 where that
 // is nothing.
 // Output: light_img; mean_img: means over this frame's gathers, w: how many they were; place_img: whose light it is.
@@ -11,8 +11,10 @@
 
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 
+#if TAKES_OVER || LOOKS_UP
 layout(binding = TEX_BEFORE_PLACE) uniform usampler2D before_place_tex;
 layout(binding = TEX_BEFORE_0) uniform sampler2D before_tex[KINDS];
+#endif
 layout(binding = IMG_0, rgba32f) uniform image2D light_img[KINDS];
 #if !LOOKS_UP
 layout(binding = IMG_3, rgba32f) uniform image2D mean_img[KINDS];
@@ -20,10 +22,14 @@ layout(binding = IMG_6, rgba32ui) uniform uimage2D place_img;  // position (grid
 #endif
 
 uniform ivec2 tile_first;
+#if TAKES_OVER || LOOKS_UP
 uniform mat4 before_from_grid;  // clip space of the frame of before_*
+#endif
+#if TAKES_OVER
+uniform float most_passes;      // gathers of earlier frames that count
+#endif
 #if !LOOKS_UP
 uniform float frame_passes;     // gathers of this frame
-uniform float most_passes;      // of earlier frames that count
 uniform bool is_first;          // gather of this frame
 #endif
 
@@ -76,16 +82,17 @@ void main()
     camera_ray(at, origin, direction);
     float footprint = pixel_footprint(dot(p.position - origin, direction), direction);
 
-    vec4 clip = before_from_grid * vec4(p.position, 1.0);
-    vec2 where = clip.w > 0.0 ? (0.5 * clip.xy / clip.w + 0.5) * vec2(picture_size) - 0.5 : vec2(-2.0);
-    ivec2 corner = ivec2(floor(where));
-    vec2 share = where - vec2(corner);
     vec3 found[KINDS];
     for (int kind = 0; kind < KINDS; ++kind) {
         found[kind] = vec3(0.0);
     }
     float passes = 0.0;
     float weights = 0.0;
+#if TAKES_OVER || LOOKS_UP
+    vec4 clip = before_from_grid * vec4(p.position, 1.0);
+    vec2 where = clip.w > 0.0 ? (0.5 * clip.xy / clip.w + 0.5) * vec2(picture_size) - 0.5 : vec2(-2.0);
+    ivec2 corner = ivec2(floor(where));
+    vec2 share = where - vec2(corner);
 #if LOOKS_UP
     const int side = 4;  // at edges, an earlier pass may have seen the surface a pixel away
 #else
@@ -106,12 +113,15 @@ void main()
         passes += weight * place.passes;
         weights += weight;
     }
+#endif
 #if LOOKS_UP
     for (int kind = 0; kind < KINDS; ++kind) {
         imageStore(light_img[kind], at, weights > 0.0 ? vec4(found[kind] / weights, 0.0) : vec4(-1.0));
     }
 #else
+#if TAKES_OVER
     passes = min(passes, most_passes);
+#endif
     float old_share = weights > 0.0 ? passes / (passes + frame_passes) : 0.0;
 
     Place place = unpack_place(imageLoad(place_img, at));

@@ -26,6 +26,9 @@ uniform ivec2 tile_first;
 uniform int stride;            // pixels
 uniform float tolerance;       // error at which a weight becomes zero: a share of the light
 uniform float least_radius;    // pixels: light is shared so far even where surfaces are near
+#if GLOSSY
+uniform float specular_aperture;
+#endif
 
 #if GLOSSY
 // Share of the light within the lobe that the surface at a pixel reflects.
@@ -44,7 +47,7 @@ float lobe_width(ivec2 at)
 {
 #if GLOSSY
     float roughness = texelFetch(diffuse_tex, at, 0).w;
-    return max(2.0 * roughness * roughness, 1e-4);
+    return max(2.0 * roughness * roughness * specular_aperture, 1e-4);
 #else
     return 1.0;
 #endif

@@ -171,7 +171,8 @@ void main()
                 found.bounced = found.glow = vec3(0.0);
                 seen = hit.triangle + 1u;
                 imageStore(rays_img, ivec2(2 * at.x, at.y), vec4(next.origin, next.width));
-                imageStore(rays_img, ivec2(2 * at.x + 1, at.y), vec4(octahedral_encode(next.direction), next.spread, pack_shares(share, world_share)));
+                imageStore(rays_img, ivec2(2 * at.x + 1, at.y),
+                           vec4(octahedral_encode(next.direction), next.spread, pack_shares(share, world_share)));
                 atomicAdd(followed, 1u);
             }
 #endif
