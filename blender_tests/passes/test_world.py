@@ -261,6 +261,7 @@ def test_furnace(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
     made = scenes.scene(
         (scenes.sphere(1.0, 32), scenes.diffuse(1.0)), world=picture(np.ones((16, 32))), camera=scenes.camera(angle=0.5)
     )
+    monkeypatch.setattr(world, "surplus", lambda luminance: luminance)  # which has none
     for limit in (world.CONCENTRATED, 0.0):
         monkeypatch.setattr(world, "CONCENTRATED", limit)
         with pipeline(gpu, made, scenes.settings(16, rays=4), (24, 24), samples=8) as ready:
