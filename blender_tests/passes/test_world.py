@@ -264,7 +264,7 @@ def test_furnace(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(world, "surplus", lambda luminance: luminance)  # which has none
     for limit in (world.CONCENTRATED, 0.0):
         monkeypatch.setattr(world, "CONCENTRATED", limit)
-        with pipeline(gpu, made, scenes.settings(16, rays=4), (24, 24), samples=8) as ready:
+        with pipeline(gpu, made, scenes.settings(16, rays=1), (24, 24), samples=16) as ready:
             assert draws(ready) == (limit == 0.0)
             found = ready.film.read("combined")[..., :3]
             assert found.mean() == pytest.approx(1.0, abs=0.005)
