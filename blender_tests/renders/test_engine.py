@@ -64,6 +64,7 @@ class Script:
     border: tuple[float, ...] = ()
     wanted: frozenset[str] = frozenset()
     resolutions: list[tuple[int, int]] = dataclasses.field(default_factory=list)
+    follows: list[bool] = dataclasses.field(default_factory=list)
     settings: Any = None
 
 
@@ -113,8 +114,11 @@ class StandInPipeline:
     def want(self, names: set[str]) -> None:
         script.wanted = frozenset(names)
 
-    def prepare(self, scene: Any, settings: Any, size: tuple[int, int]) -> Iterator[Progress]:
+    def prepare(
+        self, scene: Any, settings: Any, size: tuple[int, int], *, follows: bool = False
+    ) -> Iterator[Progress]:
         script.size, script.border, script.settings = size, scene.camera.border, settings
+        script.follows.append(follows)
         yield Progress(0.5, "Voxels")
         yield Progress(1.0, "Bounces")
 
@@ -565,7 +569,8 @@ def case_view_layers() -> None:
 
 
 def case_persistent_data() -> None:
-    """With persistent data, the frames of an animation share one reader of the scene and one pipeline."""
+    """With persistent data, the frames of an animation share one reader of the scene and one pipeline, and know that
+    they follow each other; a render does not follow the one before."""
     import bpy
 
     for is_persistent in (True, False):
@@ -576,10 +581,14 @@ def case_persistent_data() -> None:
             scene.render.filepath = os.path.join(folder, "frame_")
             bpy.ops.render.render(animation=True)
             assert len(os.listdir(folder)) == 3
-        assert script.extractions == 3 and script.samples == 9
-        assert script.pipelines == script.readers == (1 if is_persistent else 3)
+            assert script.extractions == 3 and script.samples == 9
+            assert script.pipelines == script.readers == (1 if is_persistent else 3)
+            assert script.follows == [False, True, True]
+            bpy.ops.render.render(animation=True)
+            assert script.follows[3:] == [False, True, True]
         before = script.released
         render()  # frees its own, or what the engine of the animation left behind
+        assert not script.follows[-1]
         assert script.released == before + 1
 
 
