@@ -36,6 +36,10 @@ uniform bool is_first;          // gather of this frame
 const float NORMAL_STEPS = 2047.0;  // 11 bits for each half of an octahedral normal, 10 for the passes
 const uint MOST_COUNT = 1023u;
 
+// Surfaces are the same where they lie on one tangent plane, up to a pixel's size, and ...
+const float SAME_NORMAL = 0.95;  // ... normals differ by less than 18 degrees: irradiance by 5 % of what is seen head on
+const float SAME_REACH = 8.0;    // ... they are this near, pixels: one pixel is as wide on a surface seen at 7 degrees
+
 struct Place {
     vec3 position;
     vec3 normal;
@@ -59,8 +63,8 @@ uvec4 pack_place(Place place)
 bool is_same(Place place, Pixel p, float footprint)
 {
     vec3 apart = place.position - p.position;
-    return place.passes > 0.0 && abs(dot(apart, p.geometric_normal)) < footprint && dot(place.normal, p.normal) > 0.95 &&
-           dot(apart, apart) < 64.0 * footprint * footprint;
+    return place.passes > 0.0 && abs(dot(apart, p.geometric_normal)) < footprint &&
+           dot(place.normal, p.normal) > SAME_NORMAL && length(apart) < SAME_REACH * footprint;
 }
 
 void main()

@@ -3,13 +3,7 @@
 // FETCH: texels (x, y, z, level) of the volume instead.    Output: (radiance, transmittance) or the texel.
 
 #include "lib/cone.glsl"
-
-layout(local_size_x = GROUP_SIZE) in;
-
-layout(std430, binding = BUF_WORK) readonly buffer Inputs { vec4 inputs[]; };
-layout(std430, binding = BUF_RESULTS) writeonly buffer Results { vec4 results[]; };
-
-uniform uint count;
+#include "tests/rows.glsl"
 
 void main()
 {

@@ -6,13 +6,7 @@
 #include "lib/closure.glsl"
 #include "lib/ggx.glsl"
 #include "lib/sampling.glsl"
-
-layout(local_size_x = GROUP_SIZE) in;
-
-layout(std430, binding = BUF_WORK) readonly buffer Inputs { vec4 inputs[]; };
-layout(std430, binding = BUF_RESULTS) writeonly buffer Results { vec4 results[]; };
-
-uniform uint count;
+#include "tests/rows.glsl"
 
 void main()
 {

@@ -4,13 +4,7 @@
 // (unit_vec3 of the number, 0), (pixel_shift of pixel number & 255, number >> 8, 0, 0).
 
 #include "lib/sampling.glsl"
-
-layout(local_size_x = GROUP_SIZE) in;
-
-layout(std430, binding = BUF_WORK) readonly buffer Inputs { vec4 inputs[]; };
-layout(std430, binding = BUF_RESULTS) writeonly buffer Results { vec4 results[]; };
-
-uniform uint count;
+#include "tests/rows.glsl"
 
 void main()
 {

@@ -5,13 +5,7 @@
 #define WORLD_IS_TEXTURE 1
 #include "lib/common.glsl"
 #include "lib/world_sample.glsl"
-
-layout(local_size_x = GROUP_SIZE) in;
-
-layout(std430, binding = BUF_WORK) readonly buffer Inputs { vec4 inputs[]; };
-layout(std430, binding = BUF_RESULTS) writeonly buffer Results { vec4 results[]; };
-
-uniform uint count;
+#include "tests/rows.glsl"
 
 void main()
 {
