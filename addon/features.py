@@ -43,6 +43,7 @@ class Features:
     needs_radiance: bool  # voxel faces carry light
     bounces: bool
     needs_links: bool  # rays from voxel faces: to others, to the world, to emitters
+    has_guides: bool  # links tell rays of pixels where light comes from
     shadow_cones: bool
     gather_cones: bool
     needs_cones: bool
@@ -93,6 +94,7 @@ class Features:
         needs_radiance = ((gather or glossy) and not occlusion) or shadow_cones
         gather_cones = gather and settings.gather_mode == "CONES"
         bounces = needs_radiance and settings.bounces > 0
+        needs_links = bounces or (needs_radiance and (world or emission))
         visible = any(
             light.visibility & RayVisibility.CAMERA
             and (
@@ -118,7 +120,8 @@ class Features:
             has_visible_lights=visible,
             needs_radiance=needs_radiance,
             bounces=bounces,
-            needs_links=bounces or (needs_radiance and (world or emission)),
+            needs_links=needs_links,
+            has_guides=needs_links and gather and settings.gather_mode == "RAYS",
             shadow_cones=shadow_cones,
             gather_cones=gather_cones,
             needs_cones=shadow_cones or gather_cones,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The frame, top to bottom. One pipeline serves a viewport, an F12 render or a preview; it knows nothing of Blender.
 
-    prepare: materials -> geometry -> emitters -> voxels -> lights -> injection -> links -> bounces (-> cones)
+    prepare: materials -> geometry -> emitters -> voxels -> lights -> injection -> links -> bounces (-> guides, cones)
     sample:  surfaces -> direct light -> gather -> reflections -> sharing (-> light of earlier passes) -> film
 
 Each step of ``prepare`` is redone only when something it depends on has changed. Both are generators that yield between
@@ -28,6 +28,7 @@ from .passes.emitters import EmitterTable
 from .passes.frame import Frame, LitVoxels
 from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
+from .passes.guide import GuidePass
 from .passes.history import LightHistory
 from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass
@@ -101,6 +102,7 @@ class Pipeline:
         self._links = LinkPass(gpu)
         self._bounce = BouncePass(gpu)
         self._cones = ConeVolume(gpu)
+        self._guides = GuidePass(gpu)
         self._surface = SurfacePass(gpu)
         self._direct = DirectPass(gpu)
         self._gather = GatherPass(gpu)
@@ -222,6 +224,12 @@ class Pipeline:
             self._inject.release()
             self._bounce.release()
             memo.forget("links", "radiance")
+        if not features.has_guides:
+            self._guides.release()
+            memo.forget("guides")
+        elif memo.stale("guides", self._radiance_version):
+            self._guides.run(voxels, self._bounce.radiance[0], self._links, self._world, settings)
+            memo.done("guides", self._radiance_version)
         if not features.needs_cones:
             self._cones.release()
             memo.forget("cones")
@@ -318,7 +326,7 @@ class Pipeline:
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, frame.view, settings)
         radiance = self._bounce.radiance[0] if features.needs_radiance else None
-        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones)
+        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones, self._guides)
         splits = self.film.splits_light
         if features.has_direct:
             for share in self._direct.run(frame, lit):
@@ -390,6 +398,7 @@ class Pipeline:
             self._reflect,
             self._history,
             self._cones,
+            self._guides,
             self._bounce,
             self._inject,
             self._links,

@@ -36,6 +36,11 @@ MAX_FACE_WEIGHT = 16
 #: A corner's normal that is nearer to its triangle's than this (a quarter of a degree) differs by rounding alone.
 FLAT_COSINE = 0.99999
 
+#: Bins of a guide along each side of a facing's hemisphere: a power of two.
+GUIDE_SIDE = 8
+#: Texels of its tree of shares: 1, 4, 16, ... of four shares each.
+GUIDE_TEXELS = (GUIDE_SIDE**2 - 1) // 3
+
 #: A face or a triangle that is not there.
 NONE_INDEX = 0xFFFFFFFF
 
@@ -100,6 +105,9 @@ TEXTURE_ALIASES = {
     "TEX_REFLECTED": "TEX_CORNERS",
     "TEX_REFLECTED_EMITTED": "TEX_CELL_TRIANGLES",
     "TEX_VALUE": "TEX_TRIANGLES",
+    # Guides, where no cones are traced.
+    "TEX_GUIDES": "TEX_CONES",  # rgba8 list: trees of shares; while they are made rgba32f: bins
+    "TEX_GUIDE_NUMBERS": "TEX_EMISSION",  # r32ui 3D, bricks: lib/guide_number.glsl
     # Light of the last frame: its pictures take units one after the other.
     "TEX_BEFORE_PLACE": "TEX_BRICKS",  # rgba32ui 2D, pixels: position (grid space), normal, passes
     "TEX_BEFORE_0": "TEX_INSTANCES",
@@ -255,6 +263,9 @@ def prelude() -> str:
         "LIST_WIDTH": LIST_WIDTH,
         "TRIANGLES_PER_ROW": TRIANGLES_PER_ROW,
         "BRICK": BRICK,
+        "GUIDE_SIDE": GUIDE_SIDE,
+        "GUIDE_LEVELS": GUIDE_SIDE.bit_length() - 1,
+        "GUIDE_TEXELS": GUIDE_TEXELS,
         "FIXED_ONE": f"{FIXED_ONE}.0",
         "CELL_COUNT_BITS": CELL_COUNT_BITS,
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",

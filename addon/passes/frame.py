@@ -16,6 +16,7 @@ from ..gpu.context import GpuContext, Kernel
 from ..settings import Settings
 from .cones import ConeVolume
 from .emitters import EmitterTable
+from .guide import GuidePass
 from .inject import LightTable
 from .surface import SurfacePictures, View
 from .voxelize import Voxels
@@ -96,6 +97,7 @@ class LitVoxels:
     emitters: EmitterTable
     world: WorldLight
     cones: ConeVolume
+    guides: GuidePass
 
     def bind(self, kernel: Kernel) -> None:
         """Bind what lib/radiance.glsl and lib/world.glsl read."""

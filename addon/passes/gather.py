@@ -83,6 +83,7 @@ class GatherPass:
                 "KEEPS_EMITTED": emitted is not None,
                 "KEEPS_NEARNESS": nearness is not None,
                 "FILLS": fills,
+                "HAS_GUIDES": features.has_guides,
             },
         )
         limit = settings.ao_distance if features.gather_occlusion else settings.max_distance
@@ -92,6 +93,8 @@ class GatherPass:
             frame.bind(kernel)
             if features.gather_cones:
                 lit.cones.bind(kernel)
+            if features.has_guides:
+                lit.guides.bind()
             incoming.bind_to_image(interface.slot("IMG_0"), read=fills, write=True)
             if emitted is not None:
                 emitted.bind_to_image(interface.slot("IMG_1"), read=False, write=True)

@@ -81,3 +81,20 @@ def cell_axes(counts: np.ndarray) -> tuple[np.ndarray, tuple[int, int, int]]:
         np.bitwise_or(chosen, axis << 30, out=work[first : first + len(chosen)], casting="unsafe")
         first += len(chosen)
     return work, (len(cells[0]), len(cells[1]), len(cells[2]))
+
+
+def guide_entries(bricks: np.ndarray, records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Which guides there are: one for each facing that faces of a brick have.
+
+    ``bricks``: (B, 4) uint32, ``records``: (N, 4) uint32, of cells, as lib/grid.glsl describes them. Returns (B,)
+    uint32, number of each brick's first guide << 6 | a bit for each facing, and (G,) uint32, brick << 3 | facing.
+    """
+    entries = np.zeros(len(bricks), np.uint32)
+    filled = np.flatnonzero(bricks[:, 0] | bricks[:, 1])
+    if not len(filled):
+        return entries, np.zeros(0, np.uint32)
+    facings = np.bitwise_or.reduceat(records[:, 3], bricks[filled, 2])
+    counts = _POPCOUNT[facings].astype(np.uint32)
+    entries[filled] = (np.cumsum(counts, dtype=np.uint32) - counts) << 6 | facings
+    which, facing = np.nonzero(facings[:, None] >> np.arange(6, dtype=np.uint32) & 1)
+    return entries, (filled[which] << 3 | facing).astype(np.uint32)

@@ -199,16 +199,16 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
     features, passes, programs, memory = report(gpu, scenes.cornell(), scenes.settings(16, bounces=2))
     assert features.names == [
         "geometry", "lights", "diffuse_gather", "reconstruction", "direct", "visible_lights", "radiance", "bounces",
-        "links",
+        "links", "guides",
     ]  # fmt: skip
     assert set(passes) - {"compile"} == {
-        "materials", "geometry", "voxelize", "inject", "link", "bounce", "visibility", "surface", "light shapes",
-        "direct", "gather", "reconstruct", "film",
+        "materials", "geometry", "voxelize", "inject", "link", "bounce", "guides", "visibility", "surface",
+        "light shapes", "direct", "gather", "reconstruct", "film",
     }  # fmt: skip
     assert programs == {
         "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_resolve",
-        "inject", "link", "bounce", "pixel_bins", "surface", "light_shapes", "direct", "gather",
-        "reconstruct", "compose", "film",
+        "inject", "link", "bounce", "guide_collect", "guide_build", "pixel_bins", "surface", "light_shapes", "direct",
+        "gather", "reconstruct", "compose", "film",
     }  # fmt: skip
     for absent in (
         "emitters",
@@ -235,7 +235,7 @@ def test_settings_switch_things_off(gpu: GpuContext) -> None:
     _, passes, programs, memory = report(gpu, scenes.cornell(), scenes.settings(16, use_indirect=False))
     assert not {"link", "bounce", "inject", "gather"} & (set(passes) | programs) and "links" not in memory
     _, passes, _, memory = report(gpu, scenes.cornell(), scenes.settings(16, bounces=0))
-    assert "link" not in passes and "links" not in memory and "gather" in passes
+    assert not {"link", "guides"} & set(passes) and not {"links", "guides"} & set(memory) and "gather" in passes
     _, passes, programs, _ = report(gpu, scenes.cornell(), scenes.settings(16, use_direct=False))
     assert "direct" not in programs and "inject" in programs
 

@@ -148,7 +148,7 @@ def draws(ready: Pipeline) -> bool:
 
 
 def test_a_patch_over_a_plane(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Radiance times projected solid angle, all of it direct light, with far less noise than rays alone have."""
+    """Radiance times projected solid angle, all of it direct light, with far less noise than guided rays alone have."""
     expected = on_a_plane(SUN)
     spreads = {}
     for limit in (world.CONCENTRATED, np.inf):
@@ -164,7 +164,7 @@ def test_a_patch_over_a_plane(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) 
                 combined = ready.film.read("combined")[..., 0].mean()
                 assert combined == pytest.approx(0.5 * found.mean(), rel=1e-4)
             assert ready.film.read("diffuse_indirect").max() == 0.0
-    assert spreads[True] < 0.02 * spreads[False]
+    assert spreads[True] < 0.03 * spreads[False]
 
 
 def test_a_real_sun(gpu: GpuContext) -> None:

@@ -54,18 +54,18 @@ def test_nothing_needs_nothing() -> None:
 @pytest.mark.parametrize(
     ("settings", "has", "expected"),
     [
-        ({}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces"}),
+        ({}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "guides", "bounces"}),
         ({"use_indirect": False}, {}, {"geometry", "lights", "direct"}),
         ({"indirect_amount": 0.0}, {}, {"geometry", "lights", "direct"}),
-        ({"use_direct": False}, {}, {"geometry", "lights", "diffuse_gather", "radiance", "links", "bounces"}),
+        ({"use_direct": False}, {}, {"geometry", "lights", "diffuse_gather", "radiance", "links", "guides", "bounces"}),
         ({"bounces": 0}, {}, {"geometry", "lights", "direct", "diffuse_gather", "radiance"}),
         (
             {}, {"specular": True},
-            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces", "glossy"},
+            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "guides", "bounces", "glossy"},
         ),
         (
             {"use_specular": False}, {"specular": True},
-            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "bounces"},
+            {"geometry", "lights", "direct", "diffuse_gather", "radiance", "links", "guides", "bounces"},
         ),
         (
             {"gather_mode": "CONES"}, {},
@@ -102,7 +102,8 @@ def test_only_sharp_reflections_are_followed() -> None:
 
 def test_light_without_lights() -> None:
     """A world alone lights a room."""
-    assert features(room(), world=True) == {"geometry", "world", "diffuse_gather", "radiance", "links", "bounces"}
+    expected = {"geometry", "world", "diffuse_gather", "radiance", "links", "guides", "bounces"}
+    assert features(room(), world=True) == expected
     assert "links" in features(room(), Settings(bounces=0), world=True)
 
 
@@ -122,7 +123,7 @@ def test_concentrated_world(settings: dict[str, Any], added: set[str]) -> None:
     assert "draws_world_at_pixels" not in features(scenes.scene(), world=True, concentrated_world=True)
 
 
-GATHERED = {"geometry", "emission", "diffuse_gather", "radiance", "links", "bounces", "gathers_emission"}
+GATHERED = {"geometry", "emission", "diffuse_gather", "radiance", "links", "guides", "bounces", "gathers_emission"}
 DRAWN = {"direct", "draws_emitters_at_pixels"}
 
 
@@ -135,11 +136,11 @@ DRAWN = {"direct", "draws_emitters_at_pixels"}
         ({"max_distance": 1.0}, {}, GATHERED | DRAWN),
         (
             {"gather_mode": "CONES"}, {},
-            (GATHERED - {"gathers_emission"}) | DRAWN | {"gather_cones", "cones"},
+            (GATHERED - {"gathers_emission", "guides"}) | DRAWN | {"gather_cones", "cones"},
         ),
         (
             {"gather_mode": "OCCLUSION"}, {},
-            (GATHERED - {"gathers_emission", "radiance", "links", "bounces"}) | DRAWN | {"gather_occlusion"},
+            (GATHERED - {"gathers_emission", "radiance", "links", "guides", "bounces"}) | DRAWN | {"gather_occlusion"},
         ),
         ({"use_indirect": False}, {}, {"geometry", "emission"} | DRAWN),
         ({"bounces": 0}, {}, GATHERED - {"bounces"}),
@@ -149,7 +150,7 @@ DRAWN = {"direct", "draws_emitters_at_pixels"}
             (GATHERED - {"gathers_emission"}) | {"draws_emitters_at_faces"},
         ),
         ({}, {"specular": True}, GATHERED | {"glossy", "reflects_emission"}),
-        ({}, {"specular": True, "diffuse": False}, (GATHERED - {"diffuse_gather", "gathers_emission"})
+        ({}, {"specular": True, "diffuse": False}, (GATHERED - {"diffuse_gather", "guides", "gathers_emission"})
          | {"glossy", "reflects_emission"}),
     ],
 )  # fmt: skip

@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 
 from addon.gpu.interface import BRICK, CELL_COUNT_BITS
-from addon.passes.voxel_numbers import brick_distances, cell_axes, cell_positions, cell_records, popcount
+from addon.passes.voxel_numbers import (
+    brick_distances,
+    cell_axes,
+    cell_positions,
+    cell_records,
+    guide_entries,
+    popcount,
+)
 
 
 def masks_of(cells: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:
@@ -77,3 +84,20 @@ def test_no_cells_have_nothing() -> None:
     none = np.zeros(0, np.uint32)
     assert cell_records(none).shape == (0, 4)
     assert cell_axes(none)[0].shape == (0,) and cell_axes(none)[1] == (0, 0, 0)
+
+
+def test_guides_of_bricks() -> None:
+    """Two bricks with cells, one between them without: each has a guide for every facing of its cells."""
+    bricks = np.zeros((3, 4), np.uint32)
+    bricks[0, :3] = 0b11, 0, 0  # cells 0 and 1
+    bricks[2, :3] = 0, 0b1, 2  # cell 2
+    records = np.zeros((3, 4), np.uint32)
+    records[:, 3] = 0b000011, 0b001001, 0b110000
+    entries, work = guide_entries(bricks, records)
+    np.testing.assert_array_equal(entries, [0 << 6 | 0b001011, 0, 3 << 6 | 0b110000])
+    np.testing.assert_array_equal(work, [0 << 3 | 0, 0 << 3 | 1, 0 << 3 | 3, 2 << 3 | 4, 2 << 3 | 5])
+
+
+def test_no_guides() -> None:
+    entries, work = guide_entries(np.zeros((2, 4), np.uint32), np.zeros((0, 4), np.uint32))
+    assert not entries.any() and len(work) == 0

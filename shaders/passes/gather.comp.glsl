@@ -8,6 +8,9 @@
 // WORLD_IS_DRAWN: directions drawn by the world's light have brought the rest of it in pass `direct`. What is left for rays
 // has nothing sharp, and is shared between pixels as all light is.
 // FILLS: only for pixels whose light has a negative w; direct light has brought what GLOW_IS_DIRECT is about.
+// HAS_GUIDES: half of the rays are drawn by guides, the other half evenly, by the cosine; each is weighed by the chance that
+// either would have sent it there. Where something is drawn besides (GLOW_IS_DIRECT, WORLD_IS_DRAWN), even rays alone look
+// for it: the other passes that weigh it know of no guides.
 // KEEPS_NEARNESS: nearness_img: sum over passes of the mean of 1 / distance, 1/cells; w of incoming_out: its mean.
 
 #include "lib/incoming.glsl"
@@ -16,6 +19,9 @@
 #include "lib/camera.glsl"
 #if GATHER_CONES
 #include "lib/cone.glsl"
+#endif
+#if HAS_GUIDES
+#include "lib/guide.glsl"
 #endif
 
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
@@ -43,6 +49,40 @@ uniform uint pass_index;         // of gathers of this picture
 #endif
 uniform uint ray_count;          // directions in this pass
 uniform uint random_seed;
+
+#if !GATHER_CONES
+// One direction of a pixel.
+struct Drawn {
+    vec3 direction;
+    float weight;        // of what it brings: cosine / pi / chance for each steradian; 0 where the surface is in the way
+    float even_weight;   // the same where even rays alone look for it
+    float even_density;  // even rays for each steradian
+};
+
+#if HAS_GUIDES
+// Veach and Guibas 1995, "Optimally Combining Sampling Techniques": the balance heuristic. Which way a pixel begins with
+// alternates between neighbours. Either way takes one point after the other of its own sequence.
+Drawn draw(Pixel p, Guide guide, uint index, uint turn, uvec2 shift)
+{
+    bool has_choice = guide.first != NONE_INDEX;
+    bool guided = has_choice && ((index + turn) & 1u) == 1u;
+    vec2 u = sample_2d(has_choice ? index >> 1 : index, guided ? shift + 0x9E3779B9u : shift);
+    vec3 direction = guided ? sample_guide(guide, u) : sample_cosine(p.normal, u);
+    float even = max(dot(direction, p.normal), 0.0) / PI;
+    float chance = has_choice ? 0.5 * even + 0.5 * guide_density(guide, direction) : even;
+    float leaves = dot(direction, p.geometric_normal) > 0.0 ? 1.0 : 0.0;
+    return Drawn(direction, leaves * even / max(chance, 1e-20), guided ? 0.0 : (has_choice ? 2.0 : 1.0),
+                 0.5 * float(ray_count) * even);
+}
+#else
+Drawn draw(Pixel p, uint index, uvec2 shift)
+{
+    vec3 direction = sample_cosine(p.normal, sample_2d(index, shift));
+    float leaves = dot(direction, p.geometric_normal) > 0.0 ? 1.0 : 0.0;
+    return Drawn(direction, leaves, 1.0, float(ray_count) * dot(direction, p.normal) / PI);
+}
+#endif
+#endif
 
 void main()
 {
@@ -72,16 +112,22 @@ void main()
         vec3 origin = p.position + p.geometric_normal * RAY_START;
         uint seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
         uvec2 shift = pixel_shift(at, random_seed);
+#if HAS_GUIDES
+        Guide guide = guide_at(p.position, p.geometric_normal);
+#endif
         for (uint k = 0u; k < ray_count; ++k) {
             uint index = sample_index * ray_count + k;
-            vec3 direction = sample_cosine(p.normal, sample_2d(index, shift));
-            if (dot(direction, p.geometric_normal) > 0.0) {
-                float density = float(ray_count) * dot(direction, p.normal) / PI;
-                Incoming found = incoming(origin, direction, RAY_DIFFUSE, density, hash(seed, index));
-                bounced += found.bounced;
-                emitted += found.emitted;
-                glow += found.glow;
-                nearness += 1.0 / max(found.distance, 1e-3);
+#if HAS_GUIDES
+            Drawn drawn = draw(p, guide, index, uint(at.x + at.y), shift);
+#else
+            Drawn drawn = draw(p, index, shift);
+#endif
+            if (drawn.weight > 0.0) {
+                Incoming found = incoming(origin, drawn.direction, RAY_DIFFUSE, drawn.even_density, hash(seed, index));
+                bounced += drawn.weight * found.bounced;
+                emitted += (WORLD_IS_DRAWN != 0 ? drawn.even_weight : drawn.weight) * found.emitted;
+                glow += (GLOW_IS_DIRECT != 0 ? drawn.even_weight : drawn.weight) * found.glow;
+                nearness += drawn.weight / max(found.distance, 1e-3);
             }
         }
         float share = 1.0 / float(ray_count);

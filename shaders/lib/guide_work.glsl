@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// While guides are made: which they are, and their bins.
+
+#include "lib/hemisphere.glsl"
+
+layout(std430, binding = BUF_WORK) readonly buffer GuideWorkList { uint guide_work[]; };  // number of the brick << 3 | facing
+
+uniform ivec3 brick_count;
+uniform uint guide_count;
+
+const int GUIDE_BINS = GUIDE_SIDE * GUIDE_SIDE;
+const float GUIDE_POWER = 1.5;  // between mean radiance, which rays should follow where a bin is evenly lit, and its root
+                                // mean square, where it is not
+
+struct GuideWork {
+    ivec3 brick;
+    uint facing;
+};
+
+GuideWork fetch_guide_work(uint number)
+{
+    uint entry = guide_work[number];
+    int index = int(entry >> 3);
+    ivec2 sides = brick_count.xy;
+    return GuideWork(ivec3(index % sides.x, index / sides.x % sides.y, index / (sides.x * sides.y)), entry & 7u);
+}
