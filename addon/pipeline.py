@@ -295,6 +295,7 @@ class Pipeline:
             passed = self._links if features.needs_links else None
             for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
+            self._inject.release()  # whatever changes the light injects it anew
             memo.done("radiance", *light)
             self._radiance_version += 1
 

@@ -93,7 +93,7 @@ class LinkPass:
 
 
 class BouncePass:
-    """Owns the radiance of all faces: two textures that take turns, one when there are no bounces."""
+    """Owns the radiance of all faces: while light bounces, two textures that take turns."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
@@ -108,6 +108,15 @@ class BouncePass:
         ``irradiance`` None: nothing was injected. ``links`` None: no bounces, only what was injected leaves the faces.
         """
         self.release()
+        try:
+            yield from self._steps(voxels, irradiance, links, settings)
+        finally:
+            self.gpu.free(*self.radiance[1:])
+            del self.radiance[1:]
+
+    def _steps(
+        self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, settings: Settings
+    ) -> Iterator[float]:
         textures = 2 if links and settings.bounces else 1
         self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 4, "f4") for _ in range(textures)]
         self.bounces = 0

@@ -194,6 +194,14 @@ def report(gpu: GpuContext, made: SceneData, settings: Settings) -> tuple[Featur
         gpu.kernel = original  # type: ignore[method-assign]
 
 
+#: What the camera sees is drawn from these.
+DRAWN = {"vertex positions", "vertex indices", "draw instances"}
+GEOMETRY_AND_VOXELS = DRAWN | {
+    "instances", "corners", "attributes", "triangles", "material batches", "material values", "bricks", "cells",
+    "cell triangles",
+}  # fmt: skip
+
+
 def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
     """No texture, emission, gloss, transparency or world: written by hand."""
     features, passes, programs, memory = report(gpu, scenes.cornell(), scenes.settings(16, bounces=2))
@@ -210,24 +218,38 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "inject", "link", "bounce", "pixel_bins", "surface", "light_shapes", "direct", "gather",
         "reconstruct", "compose", "film",
     }  # fmt: skip
-    for absent in (
-        "emitters",
-        "cell opacities",
-        "straight light of faces",
-        "world",
-        "cone levels",
-        "image textures",
-        "samplers",
-    ):
-        assert absent not in memory
+    assert memory == {
+        *GEOMETRY_AND_VOXELS, "faces", "lights", "links", "face radiance", "surface pictures", "pixel lists",
+        "direct light", "indirect light", "shared light", "film",
+    }  # fmt: skip
 
 
 def test_empty_scene_needs_only_this(gpu: GpuContext) -> None:
     features, passes, programs, memory = report(gpu, scenes.scene(), scenes.settings(16))
     assert features.names == []
-    assert programs <= {"clear", "work", "voxel_count", "voxel_resolve", "compose", "film"}
-    assert "direct light" not in memory and "indirect light" not in memory and "face radiance" not in memory
-    assert "link" not in passes and "gather" not in passes and "bounce" not in passes
+    assert set(passes) - {"compile"} == {"materials", "geometry", "voxelize", "visibility", "film"}
+    assert programs == {"clear", "work", "voxel_count", "voxel_resolve", "compose", "film"}
+    assert memory == (GEOMETRY_AND_VOXELS - DRAWN) | {"faces", "surface pictures", "pixel lists", "film"}
+
+
+def test_occlusion_needs_only_this(gpu: GpuContext) -> None:
+    """Ambient occlusion: rays, but no light in voxels."""
+    settings = scenes.settings(16, gather_mode="OCCLUSION", use_direct=False)
+    features, passes, programs, memory = report(gpu, scenes.cornell(), settings)
+    assert features.names == [
+        "geometry", "lights", "diffuse_gather", "reconstruction", "visible_lights", "gather_occlusion",
+    ]  # fmt: skip
+    assert set(passes) - {"compile"} == {
+        "materials", "geometry", "voxelize", "visibility", "surface", "light shapes", "gather", "reconstruct", "film",
+    }  # fmt: skip
+    assert programs == {
+        "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_resolve", "pixel_bins",
+        "surface", "light_shapes", "gather", "reconstruct", "compose", "film",
+    }  # fmt: skip
+    assert memory == {
+        *GEOMETRY_AND_VOXELS, "faces", "lights", "surface pictures", "pixel lists", "indirect light", "shared light",
+        "film",
+    }  # fmt: skip
 
 
 def test_settings_switch_things_off(gpu: GpuContext) -> None:
