@@ -129,7 +129,7 @@ class InjectPass:
         too; or None.
         """
         self.release()
-        irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 4, "f4")
+        irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 2, "u4")
         self.irradiance = irradiance
         kernel = self.gpu.kernel(
             "inject",

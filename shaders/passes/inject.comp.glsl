@@ -7,6 +7,7 @@
 
 #include "lib/site.glsl"
 #include "lib/sampling.glsl"
+#include "lib/packed_light.glsl"
 #if HAS_LIGHTS
 #include "lib/light.glsl"
 #endif
@@ -19,7 +20,7 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = IMG_0, rgba32f) writeonly uniform image2D irradiance_img;
+layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D irradiance_img;
 
 uniform uint random_seed;
 uniform bool use_shadows;
@@ -114,5 +115,5 @@ void main()
 #if WORLD_IS_DRAWN
     irradiance += light_from_world(site);
 #endif
-    imageStore(irradiance_img, list_texel(site.face), vec4(finite_or_zero(irradiance / PI), 0.0));
+    imageStore(irradiance_img, list_texel(site.face), pack_light(irradiance / PI));
 }
