@@ -202,11 +202,11 @@ class Pipeline:
                 "of the frame (Ctrl-B), or set Glossy Layers to 0"
             )
 
-        if memo.stale("voxels"):
+        if memo.stale("voxels", features.needs_radiance):
             memo.forget("links", "radiance")
-            for share in self._voxelize.run(geometry, materials, self._materials):
+            for share in self._voxelize.run(geometry, materials, self._materials, has_faces=features.needs_radiance):
                 yield Progress(0.05 + 0.25 * share, "Voxelizing")
-            memo.done("voxels")
+            memo.done("voxels", features.needs_radiance)
         voxels = self._voxelize.voxels
         assert voxels is not None
 
@@ -370,7 +370,7 @@ class Pipeline:
             "mean_samples": round(self.film.mean_samples, 3),
             "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
             "occupied": voxels.cell_count if voxels else 0,
-            "faces": voxels.faces.count if voxels else 0,
+            "faces": voxels.faces.count if voxels and voxels.lit_faces else 0,
             "bounces": self._bounce.bounces if self.features and self.features.bounces else 0,
             "features": self.features.names if self.features else [],
             "passes": [

@@ -140,7 +140,7 @@ def voxelized(gpu: GpuContext, scene: SceneData, grid: VoxelGrid) -> Iterator[Vo
     try:
         made = geometry.run(scene, grid, materials.run(scene.materials))
         assert materials.set is not None
-        for _ in voxelize.run(made, materials.set, materials):
+        for _ in voxelize.run(made, materials.set, materials, has_faces=True):
             pass
         assert voxelize.voxels is not None
         yield read_voxels(voxelize.voxels, made)

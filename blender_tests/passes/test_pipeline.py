@@ -121,6 +121,27 @@ def test_only_what_depends_on_a_change_is_done_again(
     assert after == fresh(gpu, changed, other_settings)
 
 
+@pytest.mark.parametrize("alpha", [1.0, 0.5], ids=["opaque", "transparent"])
+def test_faces_come_and_go_with_light_in_voxels(alpha: float, gpu: GpuContext) -> None:
+    """Occlusion asks for no faces, its picture is the same with and without them; then light from around, as if new."""
+    made = glossy_room()
+    made = dataclasses.replace(made, materials=(scenes.principled(0.7, Alpha=alpha), *made.materials[1:]))
+    occlusion = dataclasses.replace(SETTINGS, gather_mode="OCCLUSION")
+
+    def picture(ready: Pipeline, settings: Settings) -> bytes:
+        prepare(ready, made, settings, SIZE)
+        sample(ready, 2)
+        return ready.film.read("combined").tobytes()
+
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=0) as ready:
+        after_light = picture(ready, occlusion)
+        assert "faces" not in gpu.memory and ready.statistics()["faces"] == 0
+        lit = picture(ready, SETTINGS)
+    with pipeline(gpu, made, occlusion, SIZE, samples=0) as ready:
+        assert after_light == picture(ready, occlusion)
+    assert lit == fresh(gpu, made)["combined"]
+
+
 @pytest.mark.parametrize("change", ["links", "shadows", "scene"])
 def test_what_was_interrupted_is_done_again(change: str, gpu: GpuContext) -> None:
     """Something else is begun and given up after each of its steps, then the first scene again: the same bits."""
@@ -228,8 +249,8 @@ def test_empty_scene_needs_only_this(gpu: GpuContext) -> None:
     features, passes, programs, memory = report(gpu, scenes.scene(), scenes.settings(16))
     assert features.names == []
     assert set(passes) - {"compile"} == {"materials", "geometry", "voxelize", "visibility", "film"}
-    assert programs == {"clear", "work", "voxel_count", "voxel_resolve", "compose", "film"}
-    assert memory == (GEOMETRY_AND_VOXELS - DRAWN) | {"faces", "surface pictures", "pixel lists", "film"}
+    assert programs == {"clear", "work", "voxel_count", "compose", "film"}
+    assert memory == (GEOMETRY_AND_VOXELS - DRAWN) | {"surface pictures", "pixel lists", "film"}
 
 
 def test_occlusion_needs_only_this(gpu: GpuContext) -> None:
@@ -243,12 +264,11 @@ def test_occlusion_needs_only_this(gpu: GpuContext) -> None:
         "materials", "geometry", "voxelize", "visibility", "surface", "light shapes", "gather", "reconstruct", "film",
     }  # fmt: skip
     assert programs == {
-        "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_resolve", "pixel_bins",
-        "surface", "light_shapes", "gather", "reconstruct", "compose", "film",
+        "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_list", "pixel_bins", "surface",
+        "light_shapes", "gather", "reconstruct", "compose", "film",
     }  # fmt: skip
     assert memory == {
-        *GEOMETRY_AND_VOXELS, "faces", "lights", "surface pictures", "pixel lists", "indirect light", "shared light",
-        "film",
+        *GEOMETRY_AND_VOXELS, "lights", "surface pictures", "pixel lists", "indirect light", "shared light", "film",
     }  # fmt: skip
 
 
