@@ -11,6 +11,8 @@ import pytest
 
 from addon.features import Features
 from addon.gpu.context import GpuContext
+from addon.gpu.interface import LIST_WIDTH
+from addon.grid import estimate_memory, measure_surfaces
 from addon.pipeline import Pipeline, PipelineError
 from addon.scene import LightKind, SceneData
 from addon.settings import Settings
@@ -119,6 +121,31 @@ def test_only_what_depends_on_a_change_is_done_again(
     assert again <= done, f"not done again: {again - done}"
     assert not kept & done, f"done again: {kept & done}"
     assert after == fresh(gpu, changed, other_settings)
+
+
+@pytest.mark.parametrize("rings", [12, 120], ids=["few triangles", "many"])
+@pytest.mark.parametrize("resolution", [32, 96])
+def test_voxels_take_what_was_estimated(resolution: int, rings: int, gpu: GpuContext) -> None:
+    """A ball, so that surfaces face all ways, under a sky: the estimate is near what they take at most."""
+    made = scenes.scene((scenes.sphere(1.0, rings), scenes.diffuse()), world=scenes.world(1.0))
+    peak, track = 0, GpuContext._track
+    kept = {
+        "bricks", "cells", "cell triangles", "faces", "links", "straight light of faces", "face radiance",
+        "face irradiance",
+    }  # fmt: skip
+
+    def tracked(self: GpuContext, *arguments: Any) -> Any:
+        nonlocal peak
+        thing = track(self, *arguments)
+        peak = max(peak, sum(size for name, size in self.memory.items() if name in kept))
+        return thing
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(GpuContext, "_track", tracked)
+        with pipeline(gpu, made, scenes.settings(resolution, bounces=1), samples=0):
+            estimate = estimate_memory(resolution, (2.0, 2.0, 2.0), measure_surfaces(made), 8)
+    rows = 4 * LIST_WIDTH * 32  # lists have whole rows
+    assert 0.8 * (peak - rows) < estimate < 1.3 * peak
 
 
 @pytest.mark.parametrize("alpha", [1.0, 0.5], ids=["opaque", "transparent"])
