@@ -119,12 +119,13 @@ def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
 def estimate_memory(
     resolution: int, extent: tuple[float, float, float], surfaces: SurfaceMeasure, link_count: int
 ) -> int:
-    """Bytes that voxels and their light take at ``resolution`` cells along the longest side of a scene with this extent
-    (m). While they are made lists of what triangles bring may take more, for a moment.
+    """Bytes that voxels and their light take at ``resolution`` cells along the longest side of a scene.
+
+    ``extent``: its sides, m. While voxels are made, lists of what triangles bring may take more, for a moment.
 
     How many cells a triangle enters is, on average over where it lies and how it is turned, the volume of its Minkowski
-    sum with a cell (Steiner's formula): 1 + 3/4 perimeter / h + 3/2 area / h^2. Triangles of one surface share cells: of
-    these there are as many as its area says, and no more than fit.
+    sum with a cell (Steiner's formula): 1 + 3/4 perimeter / h + 3/2 area / h^2. Triangles of one surface share cells:
+    of these there are as many as its area says, and no more than fit.
     """
     longest = max(max(extent), 1e-9)
     cell = longest / resolution

@@ -12,7 +12,7 @@ import pytest
 from addon.features import Features
 from addon.gpu.context import GpuContext
 from addon.gpu.interface import LIST_WIDTH
-from addon.grid import estimate_memory, measure_surfaces
+from addon.grid import VoxelGrid, choose_resolution, estimate_memory, measure_surfaces, scene_bounds
 from addon.pipeline import Pipeline, PipelineError
 from addon.scene import LightKind, SceneData
 from addon.settings import Settings
@@ -146,6 +146,69 @@ def test_voxels_take_what_was_estimated(resolution: int, rings: int, gpu: GpuCon
             estimate = estimate_memory(resolution, (2.0, 2.0, 2.0), measure_surfaces(made), 8)
     rows = 4 * LIST_WIDTH * 32  # lists have whole rows
     assert 0.8 * (peak - rows) < estimate < 1.3 * peak
+
+
+@pytest.mark.parametrize("automatic", [False, True])
+def test_voxels_that_do_not_fit_become_coarser(
+    automatic: bool, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A driver that refuses long lists of links: half the resolution, a warning, and the picture that belongs to it.
+    The next frame does not try again; with other settings of voxels everything is tried anew."""
+    made, tried = scenes.cornell(), []
+    original = GpuContext.list_texture
+
+    def refusing(self: GpuContext, name: str, count: int, *arguments: Any) -> Any:
+        if name == "links":
+            tried.append(count)
+            if count > 40_000:
+                raise MemoryError("links are too many")
+        return original(self, name, count, *arguments)
+
+    fine = Settings(memory_budget=32) if automatic else scenes.settings(64)
+    assert choose_resolution(made, fine) >= 64
+    monkeypatch.setattr(GpuContext, "list_texture", refusing)
+    before = gpu.object_count
+    ready = Pipeline(gpu)
+    try:
+        prepare(ready, made, fine, SIZE)
+        sample(ready, 1)
+        coarse = choose_resolution(made, fine) // 2 ** (len(tried) - 1)
+        assert len(tried) > 1 and ready.grid == VoxelGrid.around(scene_bounds(made), coarse)  # type: ignore[arg-type]
+        assert [text for text in ready.warnings if f"{coarse} are used" in text]
+        found = ready.film.read("combined")
+        again = len(tried)
+        prepare(ready, with_sun(made, 2.0), fine, SIZE)
+        assert len(tried) == again
+        prepare(ready, made, scenes.settings(24), SIZE)
+        assert not ready.warnings and ready.grid == VoxelGrid.around(scene_bounds(made), 24)  # type: ignore[arg-type]
+    finally:
+        ready.release()
+    assert gpu.object_count == before
+    with pipeline(gpu, made, scenes.settings(coarse), SIZE, samples=1) as expected:
+        assert np.array_equal(found, expected.film.read("combined"))
+
+
+def test_memory_that_voxels_do_not_need_is_not_theirs_to_give(
+    gpu: GpuContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A scene that is too large, or a device too small for any voxels: one error, and everything is let go of."""
+    original, calls, refused = GpuContext.texture, [], ""
+
+    def refusing(self: GpuContext, name: str, *arguments: Any, **more: Any) -> Any:
+        if name == refused:
+            calls.append(name)
+            raise MemoryError(f"no {name}")
+        return original(self, name, *arguments, **more)
+
+    monkeypatch.setattr(GpuContext, "texture", refusing)
+    for refused, tries in (("triangles", 1), ("links", 3)):
+        calls.clear()
+        ready, before = Pipeline(gpu), gpu.object_count
+        with pytest.raises(MemoryError, match=f"no {refused}"):
+            prepare(ready, scenes.cornell(), scenes.settings(64), SIZE)
+        assert len(calls) == tries
+        ready.release()
+        assert gpu.object_count == before
 
 
 @pytest.mark.parametrize("alpha", [1.0, 0.5], ids=["opaque", "transparent"])
