@@ -33,6 +33,9 @@ CELL_COUNT_BITS = 29
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
 
+#: Lights whose shadows a voxel face asks for, where there are more.
+LIGHT_PICKS = 16
+
 #: A corner's normal that is nearer to its triangle's than this (a quarter of a degree) differs by rounding alone.
 FLAT_COSINE = 0.99999
 
@@ -260,6 +263,7 @@ def prelude() -> str:
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
         "FLAT_COSINE": FLAT_COSINE,
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
+        "LIGHT_PICKS": LIGHT_PICKS,
         "EMITTER_UNITS": f"{EMITTER_UNITS}.0",
         "EMITTER_TEXELS": f"{EMITTER.texels}u",
     }

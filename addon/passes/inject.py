@@ -137,12 +137,13 @@ class InjectPass:
             | lights.defines(settings)
             | {
                 "HAS_LIGHTS": lights.count > 0,
+                "HAS_MANY_LIGHTS": lights.count > interface.LIGHT_PICKS,
                 "HAS_EMITTERS": emitters is not None,
                 "WORLD_IS_DRAWN": world is not None,
                 "WORLD_IS_TEXTURE": world is not None,
             },
         )
-        points = lights.count + (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
+        points = min(lights.count, interface.LIGHT_PICKS) + (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
         step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, points))
         for first in range(0, voxels.faces.count, step):
             with self.gpu.timed("inject"):
