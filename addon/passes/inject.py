@@ -143,7 +143,8 @@ class InjectPass:
                 "WORLD_IS_TEXTURE": world is not None,
             },
         )
-        points = min(lights.count, interface.LIGHT_PICKS) + (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
+        points = min(lights.count, interface.LIGHT_PICKS)
+        points += (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
         step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, points))
         for first in range(0, voxels.faces.count, step):
             with self.gpu.timed("inject"):

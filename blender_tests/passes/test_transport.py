@@ -72,7 +72,8 @@ def test_many_lights_bring_what_they_bring_in_groups(gpu: GpuContext) -> None:
         more |= {"size": (0.2, 0.1)} if kind == LightKind.AREA else {}
         power = 10.0 ** rng.uniform(-2.0, 0.0) * (0.2 if kind == LightKind.SUN else 1.0)
         seen_by = RayVisibility.ALL & ~RayVisibility.DIFFUSE if index % 7 == 0 else RayVisibility.ALL
-        lights.append(scenes.light(kind, tuple((power * rng.uniform(0.2, 1.0, 3)).tolist()), visibility=seen_by, **more))
+        color = tuple((power * rng.uniform(0.2, 1.0, 3)).tolist())
+        lights.append(scenes.light(kind, color, visibility=seen_by, **more))
 
     def leaving(chosen: list[Any], seed: int, **settings: Any) -> np.ndarray:
         made = scenes.scene((floor, white), (roof, white), lights=chosen)
