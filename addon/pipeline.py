@@ -40,6 +40,9 @@ from .passes.world import WorldLight
 from .scene import SceneData
 from .settings import Settings
 
+#: Voxels do not become coarser than this for want of memory.
+LEAST_RESOLUTION = 16
+
 
 class PipelineError(RuntimeError):
     """Something could not be rendered. The text is a sentence for the user."""
@@ -58,6 +61,9 @@ class _Memo:
 
     def __init__(self) -> None:
         self._keys: dict[str, tuple] = {}
+
+    def has(self, step: str) -> bool:
+        return step in self._keys
 
     def stale(self, step: str, *inputs: Any) -> bool:
         old = self._keys.get(step)
@@ -116,6 +122,7 @@ class Pipeline:
         self._settings = Settings()
         self._size = (0, 0)
         self._radiance_version = 0
+        self._coarsened: tuple[tuple, int] | None = None  # settings of voxels that did not fit, and what does
         self.features: Features | None = None
         self.grid: VoxelGrid | None = None
         self.warnings: list[str] = []
@@ -131,10 +138,30 @@ class Pipeline:
     ) -> Iterator[Progress]:
         """Bring voxels and light up to date for ``scene`` and start the film at zero, ``size`` pixels.
 
-        ``follows``: it is the next frame of an animation, and may take over light from the last one.
+        ``follows``: it is the next frame of an animation, and may take over light from the last one. Where memory does
+        not suffice, voxels become coarser, with a warning.
         Raises PipelineError, MemoryError, ShaderError. A generator that is not run to its end leaves no half-done step:
         the next call does that step again.
         """
+        wanted = (settings.voxel_auto, settings.voxel_resolution, settings.memory_budget, settings.bounce_rays)
+        while True:
+            resolution = self._coarsened[1] if self._coarsened and self._coarsened[0] == wanted else None
+            fitting = settings.with_values(voxel_auto=False, voxel_resolution=resolution) if resolution else settings
+            try:
+                yield from self._prepare(scene, fitting, size, follows)
+                break
+            except MemoryError:
+                tried = choose_resolution(scene, fitting)
+                self._release_voxels()
+                if not self._memo.has("geometry") or tried <= LEAST_RESOLUTION:
+                    raise  # not for voxels
+                self._coarsened = wanted, max(tried // 2, LEAST_RESOLUTION)
+        if resolution:
+            self.warnings.append(f"There is no memory for finer voxels: {resolution} are used along the longest side")
+
+    def _prepare(
+        self, scene: SceneData, settings: Settings, size: tuple[int, int], follows: bool
+    ) -> Iterator[Progress]:
         limit = int(self.gpu.mgl.info.get("GL_MAX_TEXTURE_SIZE", 16384))
         too_many = f"{size[0]} x {size[1]} pixels cannot be rendered at once: this graphics driver draws"
         if max(size) > limit or min(size) < 1:
@@ -204,11 +231,11 @@ class Pipeline:
                 "of the frame (Ctrl-B), or set Glossy Layers to 0"
             )
 
-        if memo.stale("voxels"):
+        if memo.stale("voxels", features.needs_radiance):
             memo.forget("links", "radiance")
-            for share in self._voxelize.run(geometry, materials, self._materials):
+            for share in self._voxelize.run(geometry, materials, self._materials, has_faces=features.needs_radiance):
                 yield Progress(0.05 + 0.25 * share, "Voxelizing")
-            memo.done("voxels")
+            memo.done("voxels", features.needs_radiance)
         voxels = self._voxelize.voxels
         assert voxels is not None
 
@@ -220,10 +247,7 @@ class Pipeline:
         if features.needs_radiance:
             yield from self._light_voxels(features)
         else:
-            self._links.release()
-            self._inject.release()
-            self._bounce.release()
-            memo.forget("links", "radiance")
+            self._release_light()
         if not features.has_guides:
             self._guides.release()
             memo.forget("guides")
@@ -254,6 +278,20 @@ class Pipeline:
                 "or the sizes of images"
             )
         yield Progress(1.0, "Ready")
+
+    def _release_light(self) -> None:
+        """Of voxels."""
+        self._links.release()
+        self._inject.release()
+        self._bounce.release()
+        self._memo.forget("links", "radiance")
+
+    def _release_voxels(self) -> None:
+        self._release_light()
+        self._guides.release()
+        self._cones.release()
+        self._voxelize.release()
+        self._memo.forget("guides", "cones", "voxels")
 
     def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
         """Light at pixels stays right while all but the camera stays; outputs say which kinds of it are kept."""
@@ -303,6 +341,7 @@ class Pipeline:
             passed = self._links if features.needs_links else None
             for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
+            self._inject.release()  # whatever changes the light injects it anew
             memo.done("radiance", *light)
             self._radiance_version += 1
 
@@ -377,7 +416,7 @@ class Pipeline:
             "mean_samples": round(self.film.mean_samples, 3),
             "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
             "occupied": voxels.cell_count if voxels else 0,
-            "faces": voxels.faces.count if voxels else 0,
+            "faces": voxels.faces.count if voxels and voxels.lit_faces else 0,
             "bounces": self._bounce.bounces if self.features and self.features.bounces else 0,
             "features": self.features.names if self.features else [],
             "passes": [

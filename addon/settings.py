@@ -197,8 +197,9 @@ class Settings:
     )
     memory_budget: int = _setting(
         "Memory Budget",
-        64,
-        "Most memory that voxels may take when the resolution is automatic.",
+        48,
+        "Most memory that voxels and their light may take when the resolution is automatic, as estimated from the "
+        "surfaces of the scene.",
         Panel.VOXELS,
         lo=4,
         hi=65536,
@@ -383,10 +384,10 @@ PRESETS: dict[str, dict[str, Any]] = {
         "reuse_frames": True,
         "bounces": 128,
         "bounce_rays": 4,
-        "memory_budget": 16,
+        "memory_budget": 14,
     },
     "balanced": {},
-    "final": {"samples": 128, "noise_threshold": 0.003, "bounces": 512, "bounce_rays": 16, "memory_budget": 256},
+    "final": {"samples": 128, "noise_threshold": 0.003, "bounces": 512, "bounce_rays": 16, "memory_budget": 192},
 }
 
 

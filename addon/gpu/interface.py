@@ -33,6 +33,9 @@ CELL_COUNT_BITS = 29
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
 
+#: Lights whose shadows a voxel face asks for, where there are more.
+LIGHT_PICKS = 16
+
 #: A corner's normal that is nearer to its triangle's than this (a quarter of a degree) differs by rounding alone.
 FLAT_COSINE = 0.99999
 
@@ -65,7 +68,7 @@ TEXTURES = (
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
     "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells
     "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them
-    "TEX_FACE_RADIANCE",  # rgba32f 2D list: radiance leaving each voxel face
+    "TEX_FACE_RADIANCE",  # rg32ui 2D list (lib/packed_light.glsl): radiance leaving each voxel face
     "TEX_WORLD",  # rgba32f 2D: radiance of the world, equirectangular; w: density of directions drawn by it
     "TEX_CONES",  # rgba16f 3D: six facings side by side in z, with coarser levels
     "TEX_POSITION",  # rgba32f 2D, pixels: grid space; w: 0 nothing there, 1 a surface, 2 a light
@@ -80,8 +83,8 @@ TEXTURE_ALIASES = {
     # Voxel faces, where there are no pixels.
     "TEX_FACE_PLACE": "TEX_POSITION",  # rgba32ui list: position (grid space), normal (octahedral)
     "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, root of weight / MAX_FACE_WEIGHT
-    "TEX_FACE_STRAIGHT": "TEX_DIFFUSE",  # rgba32f list: from world and emitters along links, W/(m2 sr)
-    "TEX_FACE_IRRADIANCE": "TEX_F0",  # rgba32f list: from lights, over pi
+    "TEX_FACE_STRAIGHT": "TEX_DIFFUSE",  # rg32ui list: from world and emitters along links, W/(m2 sr)
+    "TEX_FACE_IRRADIANCE": "TEX_F0",  # rg32ui list: from lights, over pi
     "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones adjacent; rg32ui: and their shading normals
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
@@ -271,6 +274,7 @@ def prelude() -> str:
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
         "FLAT_COSINE": FLAT_COSINE,
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
+        "LIGHT_PICKS": LIGHT_PICKS,
         "EMITTER_UNITS": f"{EMITTER_UNITS}.0",
         "EMITTER_TEXELS": f"{EMITTER.texels}u",
     }

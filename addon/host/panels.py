@@ -8,7 +8,7 @@ from typing import Any
 
 import bpy
 
-from ..grid import estimate_memory
+from ..grid import SurfaceMeasure, estimate_memory
 from ..settings import Panel, Settings
 from . import session
 from .backend import backend_in_use
@@ -201,7 +201,8 @@ def _draw_memory(layout: Any, settings: Any) -> None:
         estimate = used * (settings.voxel_resolution / max(voxels)) ** 2
         lines = [f"Memory: about {estimate / 2**20:.0f} MiB, from the last render"]
     else:
-        estimate = estimate_memory(settings.voxel_resolution, (1.0, 1.0, 1.0), 6.0, settings.bounce_rays)
+        room = SurfaceMeasure(area=6.0)
+        estimate = estimate_memory(settings.voxel_resolution, (1.0, 1.0, 1.0), room, settings.bounce_rays)
         lines = [f"Memory: about {estimate / 2**20:.0f} MiB for a closed room"]
     if used:
         lines.append(f"Last render: {' x '.join(map(str, voxels))} voxels, {used / 2**20:.0f} MiB")

@@ -29,6 +29,22 @@ def link_count(settings: Settings) -> int:
     return -(-settings.bounce_rays // 4) * 4
 
 
+def unpack_light(stored: np.ndarray) -> np.ndarray:
+    """Light of faces as lib/packed_light.glsl stores it, (N, 2) uint32 -> (N, 3) float32."""
+    low, high = stored[:, 0], stored[:, 1]
+    whole = np.stack([low & 0x3FFFF, low >> 18 | (high & 15) << 14, high >> 4 & 0x3FFFF], axis=1)
+    return np.ldexp(whole.astype(np.float32), (high >> 22).astype(np.int32)[:, None] - 144)
+
+
+def total_light(stored: np.ndarray) -> float:
+    """The sum over all faces and channels; ``stored`` as for ``unpack_light``."""
+    step = 1 << 18  # so that what is unpacked takes little memory
+    return sum(
+        float(unpack_light(stored[first : first + step]).sum(dtype=np.float64))
+        for first in range(0, len(stored), step)
+    )
+
+
 class LinkPass:
     """Which faces each face sees, and the light that comes straight from the world and from emitters along the way."""
 
@@ -58,7 +74,7 @@ class LinkPass:
         links = gpu.list_texture("links", voxels.faces.count * self.count // 4, 4, "u4")
         self.links = links
         if world.is_lit or emitters.count:
-            self.straight = gpu.list_texture("straight light of faces", voxels.faces.count, 4, "f4")
+            self.straight = gpu.list_texture("straight light of faces", voxels.faces.count, 2, "u4")
         kernel = gpu.kernel(
             "link",
             voxels.site_defines
@@ -93,7 +109,7 @@ class LinkPass:
 
 
 class BouncePass:
-    """Owns the radiance of all faces: two textures that take turns, one when there are no bounces."""
+    """Owns the radiance of all faces: while light bounces, two textures that take turns."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
@@ -108,8 +124,17 @@ class BouncePass:
         ``irradiance`` None: nothing was injected. ``links`` None: no bounces, only what was injected leaves the faces.
         """
         self.release()
+        try:
+            yield from self._steps(voxels, irradiance, links, settings)
+        finally:
+            self.gpu.free(*self.radiance[1:])
+            del self.radiance[1:]
+
+    def _steps(
+        self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, settings: Settings
+    ) -> Iterator[float]:
         textures = 2 if links and settings.bounces else 1
-        self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 4, "f4") for _ in range(textures)]
+        self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 2, "u4") for _ in range(textures)]
         self.bounces = 0
         with self.gpu.timed("bounce"):
             self._pass(voxels, irradiance, links, self.radiance[0], first=True)
@@ -120,8 +145,8 @@ class BouncePass:
                 self.radiance.reverse()
                 self.bounces += 1
                 if self.bounces % CHECK_EVERY == 0 and self.bounces < settings.bounces:
-                    values = np.frombuffer(self.radiance[0].read(), np.float32)[: 4 * voxels.faces.count]
-                    after = float(values.sum(dtype=np.float64))  # what follows in the texture's last row is undefined
+                    stored = np.frombuffer(self.radiance[0].read(), np.uint32).reshape(-1, 2)[: voxels.faces.count]
+                    after = total_light(stored)  # what follows in the texture's last row is undefined
                     if before is not None and abs(after - before) <= CONVERGED * abs(after):
                         return
                     before = after

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
-from ..grid import surface_area
+from ..grid import measure_surfaces
 from ..scene import RayVisibility, SceneData
 from .geometry import Geometry
 from .materials import MaterialPass, MaterialSet
@@ -105,7 +105,7 @@ class EmitterTable:
                 yield done / len(records)
         with self.gpu.timed("emitters"):
             cell_area = geometry.grid.cell_size**2
-            self._keep(records, found, starts, surface_area(scene) / cell_area)
+            self._keep(records, found, starts, measure_surfaces(scene).area / cell_area)
 
     def _evaluate(
         self, rows: np.ndarray, index: int, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass

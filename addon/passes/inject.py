@@ -129,7 +129,7 @@ class InjectPass:
         too; or None.
         """
         self.release()
-        irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 4, "f4")
+        irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 2, "u4")
         self.irradiance = irradiance
         kernel = self.gpu.kernel(
             "inject",
@@ -137,12 +137,14 @@ class InjectPass:
             | lights.defines(settings)
             | {
                 "HAS_LIGHTS": lights.count > 0,
+                "HAS_MANY_LIGHTS": lights.count > interface.LIGHT_PICKS,
                 "HAS_EMITTERS": emitters is not None,
                 "WORLD_IS_DRAWN": world is not None,
                 "WORLD_IS_TEXTURE": world is not None,
             },
         )
-        points = lights.count + (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
+        points = min(lights.count, interface.LIGHT_PICKS)
+        points += (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
         step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, points))
         for first in range(0, voxels.faces.count, step):
             with self.gpu.timed("inject"):

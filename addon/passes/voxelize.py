@@ -23,7 +23,7 @@ from ..gpu.context import GpuContext, Kernel
 from ..grid import VoxelGrid
 from ..scene import RayVisibility
 from .geometry import Geometry
-from .materials import MaterialPass, MaterialSet
+from .materials import Batch, MaterialPass, MaterialSet
 from .voxel_numbers import brick_distances, cell_axes, cell_positions, cell_records, popcount
 
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
@@ -56,10 +56,16 @@ class Voxels:
     cells: moderngl.Texture
     cell_triangles: moderngl.Texture
     cell_opacities: moderngl.Texture | None
-    faces: Faces
+    lit_faces: Faces | None  # None: nothing asks for light of surfaces
     triangles: moderngl.Texture
     cell_count: int
     pair_count: int  # triangles, counted once for each cell they enter
+
+    @property
+    def faces(self) -> Faces:
+        """Of voxels that were made with them."""
+        assert self.lit_faces is not None
+        return self.lit_faces
 
     @property
     def trace_defines(self) -> dict[str, object]:
@@ -90,7 +96,7 @@ class _Lists:
     cursors: moderngl.Buffer  # next list entry of each cell
     triangles: moderngl.Texture  # r32ui
     opacities: moderngl.Texture | None  # r8
-    parts: moderngl.Texture  # rgba32ui: what triangles bring to faces (lib/part.glsl)
+    parts: moderngl.Texture | None  # rgba32ui: what triangles bring to faces (lib/part.glsl)
 
 
 class VoxelizePass:
@@ -102,16 +108,20 @@ class VoxelizePass:
         self._owned: list[Any] = []
         self._temporary: list[Any] = []
 
-    def run(self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass) -> Iterator[float]:
-        """Voxelize. Yields the share done; ``voxels`` is set at the end."""
+    def run(
+        self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass, *, has_faces: bool
+    ) -> Iterator[float]:
+        """Voxelize. Yields the share done; ``voxels`` is set at the end. ``has_faces``: surfaces get light."""
         self.release()
         try:
-            yield from self._steps(geometry, materials, material_pass)
+            yield from self._steps(geometry, materials, material_pass, has_faces)
         finally:
             self.gpu.free(*self._temporary)
             self._temporary = []
 
-    def _steps(self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass) -> Iterator[float]:
+    def _steps(
+        self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass, has_faces: bool
+    ) -> Iterator[float]:
         gpu, slot, grid = self.gpu, interface.slot, geometry.grid
         with gpu.timed("voxelize"):
             mask = gpu.texture_3d("voxel marks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
@@ -137,27 +147,30 @@ class VoxelizePass:
             kernel.run_list(starts[-1])
             gpu.barrier()  # read back
             counts = np.frombuffer(cursors.read(), np.uint32)[: len(positions)]
-            lists = self._allocate_lists(materials, counts, cursors, starts[-1])
+            lists = self._allocate_lists(materials, counts, cursors, starts[-1], has_faces)
         yield 0.5
 
-        for index in range(len(materials.batches)):
+        batches: list[Batch | None] = [*materials.batches]
+        if not has_faces and not materials.lets_light_through:
+            batches, starts = [None], [0, starts[-1]]  # no material is asked
+        for index, batch in enumerate(batches):
             for first in range(starts[index], starts[index + 1], PAIRS_PER_STEP):
                 count = min(PAIRS_PER_STEP, starts[index + 1] - first)
                 with gpu.timed("voxelize"):
-                    kernel = self._accumulate_kernel(materials, material_pass, index)
-                    geometry.bind(kernel)
+                    kernel = self._accumulate_kernel(geometry, lists, material_pass, batch)
                     bricks.use(slot("TEX_BRICKS"))
                     pairs.use(slot("TEX_PAIRS"))
                     self._bind_lists(lists)
                     kernel.set(grid_size=grid.size, pair_first=first, pair_count=count)
                     kernel.run_list(count)
-                    material_pass.unbind(materials.batches[index])
+                    if batch is not None:
+                        material_pass.unbind(batch)
                 yield 0.5 + 0.4 * (first + count) / starts[-1]
 
         with gpu.timed("voxelize"):
             gpu.barrier()  # the lists are complete
             gpu.free(pairs, cursors)
-            faces = self._resolve(geometry, lists, counts, positions)
+            faces = self._resolve(geometry, lists, counts, positions) if has_faces else None
         self.voxels = Voxels(
             grid,
             bricks,
@@ -245,7 +258,7 @@ class VoxelizePass:
         return bricks, cell_positions(masks, grid.bricks)
 
     def _allocate_lists(
-        self, materials: MaterialSet, counts: np.ndarray, cursors: moderngl.Buffer, pairs: int
+        self, materials: MaterialSet, counts: np.ndarray, cursors: moderngl.Buffer, pairs: int, has_faces: bool
     ) -> _Lists:
         gpu = self.gpu
         records = cell_records(counts)
@@ -256,20 +269,25 @@ class VoxelizePass:
             cursors,
             gpu.list_texture("cell triangles", pairs, 1, "u4"),
             gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.lets_light_through else None,
-            gpu.list_texture("voxel parts", pairs, 4, "u4"),
+            gpu.list_texture("voxel parts", pairs, 4, "u4") if has_faces else None,
         )
         self._owned += [lists.cells, lists.triangles, lists.opacities]
         self._temporary.append(lists.parts)
         return lists
 
-    def _accumulate_kernel(self, materials: MaterialSet, material_pass: MaterialPass, index: int) -> Kernel:
-        """The program of a batch, with its materials bound."""
-        batch = materials.batches[index]
+    def _accumulate_kernel(
+        self, geometry: Geometry, lists: _Lists, material_pass: MaterialPass, batch: Batch | None
+    ) -> Kernel:
+        """The program of a batch, with its materials bound; ``batch`` None: of all pairs, where none is asked."""
+        if batch is None:
+            return self.gpu.kernel("voxel_list")
         defines = {
-            "HAS_OPACITY": materials.lets_light_through,
+            "HAS_FACES": lists.parts is not None,
+            "HAS_OPACITY": lists.opacities is not None,
             "FLAT_SHADING": True,
         }
         kernel = self.gpu.kernel("voxel_accumulate", material_pass.defines(batch) | defines, material_pass.texts(batch))
+        geometry.bind(kernel)
         material_pass.bind(batch, kernel)
         return kernel
 
@@ -301,6 +319,7 @@ class VoxelizePass:
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
+        assert lists.parts is not None
         lists.parts.use(slot("TEX_PARTS"))
         positions.use(slot("TEX_CELL_POSITIONS"))
         work.bind_to_storage_buffer(slot("BUF_WORK"))

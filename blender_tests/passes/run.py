@@ -13,6 +13,7 @@ import numpy as np
 from addon.gpu import interface
 from addon.gpu.context import GpuContext, Kernel
 from addon.grid import VoxelGrid
+from addon.passes.bounce import unpack_light
 from addon.passes.geometry import Geometry, GeometryPass
 from addon.passes.materials import MaterialPass
 from addon.passes.voxel_numbers import cell_positions
@@ -89,6 +90,15 @@ def _octahedral(words: np.ndarray) -> np.ndarray:
     return n / np.linalg.norm(n, axis=1, keepdims=True)
 
 
+def pack_light(light: np.ndarray) -> np.ndarray:
+    """Light of faces as lib/packed_light.glsl stores it, (N, 3) float32 -> (N, 2) uint32."""
+    exponent = np.maximum(np.frexp(light.max(axis=1))[1] + 126, 20)
+    scaled = np.ldexp(light, 144 - exponent[:, None]) + np.float32(0.5)
+    whole = np.minimum(scaled, np.float32(2**18 - 1)).astype(np.uint32)
+    high = whole[:, 1] >> 14 | whole[:, 2] << 4 | exponent.astype(np.uint32) << 22
+    return np.stack([whole[:, 0] | whole[:, 1] << 18, high], axis=1)
+
+
 def read_list(texture: Any, count: int, kind: Any) -> np.ndarray:
     """(count, components) of a list texture."""
     return np.frombuffer(texture.read(), kind).reshape(-1, texture.components)[:count]
@@ -130,7 +140,7 @@ def voxelized(gpu: GpuContext, scene: SceneData, grid: VoxelGrid) -> Iterator[Vo
     try:
         made = geometry.run(scene, grid, materials.run(scene.materials))
         assert materials.set is not None
-        for _ in voxelize.run(made, materials.set, materials):
+        for _ in voxelize.run(made, materials.set, materials, has_faces=True):
             pass
         assert voxelize.voxels is not None
         yield read_voxels(voxelize.voxels, made)
@@ -175,7 +185,7 @@ def radiance(made: Pipeline) -> np.ndarray:
     """(faces, 3): what leaves the voxel faces after all bounces."""
     voxels = made._voxelize.voxels
     assert voxels is not None
-    return read_list(made._bounce.radiance[0], voxels.faces.count, np.float32)[:, :3].copy()
+    return unpack_light(read_list(made._bounce.radiance[0], voxels.faces.count, np.uint32))
 
 
 def unit_grid(size: int | tuple[int, int, int]) -> VoxelGrid:

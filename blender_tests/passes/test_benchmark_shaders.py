@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from conelight_benchmark import fetches, kernels
+from conelight_benchmark import fetch_rate, fetches, kernels, numbers
 
 from addon.gpu import context as context_module
 from addon.gpu import interface
@@ -147,3 +147,18 @@ def test_counting_changes_no_picture(changeable: GpuContext) -> None:
 def test_a_binding_is_left_for_the_sums() -> None:
     """GL promises eight storage buffers."""
     assert len(interface.BUFFERS) < 8
+
+
+# ---- raw rates ---------------------------------------------------------------------------------------------------
+
+
+def test_rates_are_measured_once_after_a_sample(changeable: GpuContext) -> None:
+    """In the context that rendered, of every kind that the report names; afterwards nothing is left."""
+    before, sample = changeable.object_count, Pipeline.sample
+    with fetch_rate.after_sample() as rates:
+        picture(changeable, scenes.cornell())
+        first = dict(rates)
+        picture(changeable, scenes.cornell())
+    assert tuple(first) == numbers.RAW_KINDS and rates == first
+    assert all(1e5 < rate < 1e13 for rate in rates.values())
+    assert changeable.object_count == before and Pipeline.sample is sample

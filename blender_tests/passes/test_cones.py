@@ -13,7 +13,7 @@ from addon.gpu.context import GpuContext
 from addon.passes.cones import LEVELS, ConeVolume
 from addon.scene import SceneData
 from blender_tests.passes import scenes
-from blender_tests.passes.run import VoxelData, map_list, pipeline, test_kernel, unit_grid, voxelized
+from blender_tests.passes.run import VoxelData, map_list, pack_light, pipeline, test_kernel, unit_grid, voxelized
 from blender_tests.passes.test_voxelize import area_vectors, both_sides, triangles_in_grid
 
 SIZE = 64
@@ -27,7 +27,8 @@ def cones_of(
     volume = ConeVolume(gpu)
     with voxelized(gpu, made, unit_grid(size)) as found:
         count = found.voxels.faces.count
-        light = gpu.list_texture("test radiance", count, 4, "f4", np.full((max(count, 1), 4), radiance, np.float32))
+        packed = pack_light(np.full((max(count, 1), 3), radiance, np.float32))
+        light = gpu.list_texture("test radiance", count, 2, "u4", packed)
         try:
             volume.run(found.voxels, light)
             yield volume, found

@@ -11,6 +11,8 @@ import pytest
 
 from addon.features import Features
 from addon.gpu.context import GpuContext
+from addon.gpu.interface import LIST_WIDTH
+from addon.grid import VoxelGrid, choose_resolution, estimate_memory, measure_surfaces, scene_bounds
 from addon.pipeline import Pipeline, PipelineError
 from addon.scene import LightKind, SceneData
 from addon.settings import Settings
@@ -121,6 +123,115 @@ def test_only_what_depends_on_a_change_is_done_again(
     assert after == fresh(gpu, changed, other_settings)
 
 
+@pytest.mark.parametrize("rings", [12, 120], ids=["few triangles", "many"])
+@pytest.mark.parametrize("resolution", [32, 96])
+def test_voxels_take_what_was_estimated(resolution: int, rings: int, gpu: GpuContext) -> None:
+    """A ball, so that surfaces face all ways, under a sky: the estimate is near what they take at most."""
+    made = scenes.scene((scenes.sphere(1.0, rings), scenes.diffuse()), world=scenes.world(1.0))
+    peak, track = 0, GpuContext._track
+    kept = {
+        "bricks", "cells", "cell triangles", "faces", "links", "straight light of faces", "face radiance",
+        "face irradiance",
+    }  # fmt: skip
+
+    def tracked(self: GpuContext, *arguments: Any) -> Any:
+        nonlocal peak
+        thing = track(self, *arguments)
+        peak = max(peak, sum(size for name, size in self.memory.items() if name in kept))
+        return thing
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(GpuContext, "_track", tracked)
+        with pipeline(gpu, made, scenes.settings(resolution, bounces=1), samples=0):
+            estimate = estimate_memory(resolution, (2.0, 2.0, 2.0), measure_surfaces(made), 8)
+    rows = 4 * LIST_WIDTH * 32  # lists have whole rows
+    assert 0.8 * (peak - rows) < estimate < 1.3 * peak
+
+
+@pytest.mark.parametrize("automatic", [False, True])
+def test_voxels_that_do_not_fit_become_coarser(
+    automatic: bool, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A driver that refuses long lists of links: half the resolution, a warning, and the picture that belongs to it.
+    The next frame does not try again; with other settings of voxels everything is tried anew."""
+    made, tried = scenes.cornell(), []
+    original = GpuContext.list_texture
+
+    def refusing(self: GpuContext, name: str, count: int, *arguments: Any) -> Any:
+        if name == "links":
+            tried.append(count)
+            if count > 40_000:
+                raise MemoryError("links are too many")
+        return original(self, name, count, *arguments)
+
+    fine = Settings(memory_budget=32) if automatic else scenes.settings(64)
+    assert choose_resolution(made, fine) >= 64
+    monkeypatch.setattr(GpuContext, "list_texture", refusing)
+    before = gpu.object_count
+    ready = Pipeline(gpu)
+    try:
+        prepare(ready, made, fine, SIZE)
+        sample(ready, 1)
+        coarse = choose_resolution(made, fine) // 2 ** (len(tried) - 1)
+        assert len(tried) > 1 and ready.grid == VoxelGrid.around(scene_bounds(made), coarse)  # type: ignore[arg-type]
+        assert [text for text in ready.warnings if f"{coarse} are used" in text]
+        found = ready.film.read("combined")
+        again = len(tried)
+        prepare(ready, with_sun(made, 2.0), fine, SIZE)
+        assert len(tried) == again
+        prepare(ready, made, scenes.settings(24), SIZE)
+        assert not ready.warnings and ready.grid == VoxelGrid.around(scene_bounds(made), 24)  # type: ignore[arg-type]
+    finally:
+        ready.release()
+    assert gpu.object_count == before
+    with pipeline(gpu, made, scenes.settings(coarse), SIZE, samples=1) as expected:
+        assert np.array_equal(found, expected.film.read("combined"))
+
+
+def test_memory_that_voxels_do_not_need_is_not_theirs_to_give(
+    gpu: GpuContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A scene that is too large, or a device too small for any voxels: one error, and everything is let go of."""
+    original, calls, refused = GpuContext.texture, [], ""
+
+    def refusing(self: GpuContext, name: str, *arguments: Any, **more: Any) -> Any:
+        if name == refused:
+            calls.append(name)
+            raise MemoryError(f"no {name}")
+        return original(self, name, *arguments, **more)
+
+    monkeypatch.setattr(GpuContext, "texture", refusing)
+    for refused, tries in (("triangles", 1), ("links", 3)):
+        calls.clear()
+        ready, before = Pipeline(gpu), gpu.object_count
+        with pytest.raises(MemoryError, match=f"no {refused}"):
+            prepare(ready, scenes.cornell(), scenes.settings(64), SIZE)
+        assert len(calls) == tries
+        ready.release()
+        assert gpu.object_count == before
+
+
+@pytest.mark.parametrize("alpha", [1.0, 0.5], ids=["opaque", "transparent"])
+def test_faces_come_and_go_with_light_in_voxels(alpha: float, gpu: GpuContext) -> None:
+    """Occlusion asks for no faces, its picture is the same with and without them; then light from around, as if new."""
+    made = glossy_room()
+    made = dataclasses.replace(made, materials=(scenes.principled(0.7, Alpha=alpha), *made.materials[1:]))
+    occlusion = dataclasses.replace(SETTINGS, gather_mode="OCCLUSION")
+
+    def picture(ready: Pipeline, settings: Settings) -> bytes:
+        prepare(ready, made, settings, SIZE)
+        sample(ready, 2)
+        return ready.film.read("combined").tobytes()
+
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=0) as ready:
+        after_light = picture(ready, occlusion)
+        assert "faces" not in gpu.memory and ready.statistics()["faces"] == 0
+        lit = picture(ready, SETTINGS)
+    with pipeline(gpu, made, occlusion, SIZE, samples=0) as ready:
+        assert after_light == picture(ready, occlusion)
+    assert lit == fresh(gpu, made)["combined"]
+
+
 @pytest.mark.parametrize("change", ["links", "shadows", "scene"])
 def test_what_was_interrupted_is_done_again(change: str, gpu: GpuContext) -> None:
     """Something else is begun and given up after each of its steps, then the first scene again: the same bits."""
@@ -194,6 +305,14 @@ def report(gpu: GpuContext, made: SceneData, settings: Settings) -> tuple[Featur
         gpu.kernel = original  # type: ignore[method-assign]
 
 
+#: What the camera sees is drawn from these.
+DRAWN = {"vertex positions", "vertex indices", "draw instances"}
+GEOMETRY_AND_VOXELS = DRAWN | {
+    "instances", "corners", "attributes", "triangles", "material batches", "material values", "bricks", "cells",
+    "cell triangles",
+}  # fmt: skip
+
+
 def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
     """No texture, emission, gloss, transparency or world: written by hand."""
     features, passes, programs, memory = report(gpu, scenes.cornell(), scenes.settings(16, bounces=2))
@@ -210,24 +329,37 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "inject", "link", "bounce", "guide_collect", "guide_build", "pixel_bins", "surface", "light_shapes", "direct",
         "gather", "reconstruct", "compose", "film",
     }  # fmt: skip
-    for absent in (
-        "emitters",
-        "cell opacities",
-        "straight light of faces",
-        "world",
-        "cone levels",
-        "image textures",
-        "samplers",
-    ):
-        assert absent not in memory
+    assert memory == {
+        *GEOMETRY_AND_VOXELS, "faces", "lights", "links", "face radiance", "surface pictures", "pixel lists",
+        "direct light", "indirect light", "shared light", "film",
+    }  # fmt: skip
 
 
 def test_empty_scene_needs_only_this(gpu: GpuContext) -> None:
     features, passes, programs, memory = report(gpu, scenes.scene(), scenes.settings(16))
     assert features.names == []
-    assert programs <= {"clear", "work", "voxel_count", "voxel_resolve", "compose", "film"}
-    assert "direct light" not in memory and "indirect light" not in memory and "face radiance" not in memory
-    assert "link" not in passes and "gather" not in passes and "bounce" not in passes
+    assert set(passes) - {"compile"} == {"materials", "geometry", "voxelize", "visibility", "film"}
+    assert programs == {"clear", "work", "voxel_count", "compose", "film"}
+    assert memory == (GEOMETRY_AND_VOXELS - DRAWN) | {"surface pictures", "pixel lists", "film"}
+
+
+def test_occlusion_needs_only_this(gpu: GpuContext) -> None:
+    """Ambient occlusion: rays, but no light in voxels."""
+    settings = scenes.settings(16, gather_mode="OCCLUSION", use_direct=False)
+    features, passes, programs, memory = report(gpu, scenes.cornell(), settings)
+    assert features.names == [
+        "geometry", "lights", "diffuse_gather", "reconstruction", "visible_lights", "gather_occlusion",
+    ]  # fmt: skip
+    assert set(passes) - {"compile"} == {
+        "materials", "geometry", "voxelize", "visibility", "surface", "light shapes", "gather", "reconstruct", "film",
+    }  # fmt: skip
+    assert programs == {
+        "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_list", "pixel_bins", "surface",
+        "light_shapes", "gather", "reconstruct", "compose", "film",
+    }  # fmt: skip
+    assert memory == {
+        *GEOMETRY_AND_VOXELS, "lights", "surface pictures", "pixel lists", "indirect light", "shared light", "film",
+    }  # fmt: skip
 
 
 def test_settings_switch_things_off(gpu: GpuContext) -> None:

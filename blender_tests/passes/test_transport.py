@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,38 @@ def test_lights_obey_shadows_and_visibility(gpu: GpuContext) -> None:
     assert brightest(use_shadows=False) == pytest.approx(0.8, rel=2e-3)
     assert brightest(RayVisibility.ALL & ~RayVisibility.SHADOW) == pytest.approx(0.8, rel=2e-3)
     assert brightest(casts_shadow=False, visibility=RayVisibility.ALL & ~RayVisibility.DIFFUSE) == 0.0
+
+
+def test_many_lights_bring_what_they_bring_in_groups(gpu: GpuContext) -> None:
+    """Sixteen lights are all asked for their shadows, of 48 a part: their sum, on average; and exactly where nothing is
+    in shadow. Lights of all kinds, sizes and colours, some brighter by far, some that shine elsewhere."""
+    rng = np.random.default_rng(3)
+    floor, roof, white = scenes.plane(2.0), scenes.box((-0.3, -0.3, 0.2), (0.3, 0.3, 0.5)), scenes.diffuse(0.8)
+    lights = []
+    for index in range(48):
+        kind = (LightKind.POINT, LightKind.AREA, LightKind.SUN)[index % 3]
+        at = (*rng.uniform(-1.0, 1.0, 2).tolist(), float(rng.uniform(0.6, 1.5)))
+        more = {"direction": (*rng.uniform(-0.5, 0.5, 2).tolist(), -1.0)} if kind == LightKind.SUN else {"position": at}
+        more |= {"size": (0.2, 0.1)} if kind == LightKind.AREA else {}
+        power = 10.0 ** rng.uniform(-2.0, 0.0) * (0.2 if kind == LightKind.SUN else 1.0)
+        seen_by = RayVisibility.ALL & ~RayVisibility.DIFFUSE if index % 7 == 0 else RayVisibility.ALL
+        color = tuple((power * rng.uniform(0.2, 1.0, 3)).tolist())
+        lights.append(scenes.light(kind, color, visibility=seen_by, **more))
+
+    def leaving(chosen: list[Any], seed: int, **settings: Any) -> np.ndarray:
+        made = scenes.scene((floor, white), (roof, white), lights=chosen)
+        with pipeline(gpu, made, scenes.settings(40, bounces=0, seed=seed, **settings), samples=0) as ready:
+            return radiance(ready)
+
+    seeds = range(6)
+    groups = np.mean([sum(leaving(lights[i : i + 16], seed) for i in (0, 16, 32)) for seed in seeds], axis=0)
+    many = np.array([leaving(lights, seed) for seed in seeds])
+    shadowed = groups.mean() / sum(leaving(lights[i : i + 16], 0, use_shadows=False) for i in (0, 16, 32)).mean()
+    assert shadowed < 0.8, "shadows matter here"
+    means = many.mean(axis=(0, 1)) / groups.mean(axis=0)
+    np.testing.assert_allclose(means, 1.0, atol=0.01)
+    assert np.abs(many.mean(axis=0) - groups).mean() < 0.05 * groups.mean()
+    assert np.array_equal(many[0], leaving(lights, 0)), "the same seed, the same light"
 
 
 # Bounces --------------------------------------------------------------------------------------------------------

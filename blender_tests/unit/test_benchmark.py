@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 pytest.importorskip("OpenImageIO")
-from conelight_benchmark import arguments, catalogue, measure, numbers, peers, store
+pytest.importorskip("matplotlib")
+from conelight_benchmark import arguments, catalogue, measure, numbers, peers, report, store
 from conelight_benchmark.job import Job
 from conelight_benchmark.plan import plans
 from conelight_cli.errors import CommandError
@@ -142,7 +143,23 @@ def test_fetches_of_faces_and_of_pixels() -> None:
             "statistics": {"resolution": [5, 2], "mean_samples": 2.0, "samples": 2, "faces": 30}}
     found = numbers._fetches("conelight-draft", info)
     assert found["each"] == pytest.approx({"gather": 30.0, "link": 30.0, "film": 1.0})
-    assert found["total"] == info["fetches"]
+    assert found["total"] == info["fetches"] and "rates" not in found
+
+
+def test_rates_of_fetches() -> None:
+    """From fetches counted in two passes of ten pixels, and the time of eight passes of a hundred."""
+    counted = {"fetches": {"gather": 600, "link": 900, "film": 20},
+               "statistics": {"resolution": [5, 2], "mean_samples": 2.0, "samples": 2, "faces": 30}}
+    times = [{"name": name, "calls": 1, "cpu_ms": cpu_ms} for name, cpu_ms in (("gather", 48.0), ("link", 10.0))]
+    statistics = {"resolution": [20, 5], "mean_samples": 8.0, "faces": 50, "passes": times}
+    rates = {"list": 1e6, "byte": 2e6, "trilinear": 3e6, "buffer": 4e6}
+    timed = store.Result(Path(), {"statistics": statistics, "fetch_rates": rates})
+    found = numbers._fetches("conelight-draft", counted, timed)
+    assert found["rates"] == pytest.approx({"gather": 30.0 * 800 / 0.048, "link": 30.0 * 50 / 0.01})
+    assert found["shares"] == pytest.approx({"gather": 0.5, "link": 0.15})
+    table = list(report._rates([{"scene": "room", "fetches": [found]}]))
+    assert table[-1] == "| room | conelight-draft | 1 | 2 | 3 | 4 | 0 (50%) | 0 (15%) |  |"
+    assert "rates" not in numbers._fetches("conelight-draft", counted, store.Result(Path(), {"statistics": statistics}))
 
 
 # ---- jobs --------------------------------------------------------------------------------------------------------

@@ -9,7 +9,16 @@ import numpy as np
 import pytest
 
 from addon.gpu.interface import BRICK
-from addon.grid import MARGIN, VoxelGrid, choose_resolution, estimate_memory, scene_bounds, surface_area
+from addon.grid import (
+    FINEST,
+    MARGIN,
+    SurfaceMeasure,
+    VoxelGrid,
+    choose_resolution,
+    estimate_memory,
+    measure_surfaces,
+    scene_bounds,
+)  # fmt: skip
 from addon.settings import Settings
 from blender_tests.passes import scenes
 
@@ -56,13 +65,18 @@ def test_bounds_hold_every_instance() -> None:
     np.testing.assert_allclose(scene_bounds(made), [[-1, -1, -1], [7, 1, 1]])
 
 
-def test_area() -> None:
-    """A box of side 2: 24 m2; scaled by 3: nine times as much."""
+def test_measure() -> None:
+    """A box of side 2: 24 m2 and twelve triangles with sides of 2, 2 and their diagonal; scaled by 3: nine and three
+    times as much."""
     shape, surface = scenes.box(), scenes.diffuse()
     made = scenes.scene(
         (shape, surface), (shape, surface, scenes.at(scale=3.0)), (shape, surface, scenes.at(scale=(1, 1, -1)))
     )
-    assert surface_area(made) == pytest.approx(24.0 * 11, rel=1e-5)
+    measure = measure_surfaces(made)
+    assert measure.area == pytest.approx(24.0 * 11, rel=1e-5)
+    assert measure.perimeter == pytest.approx(12 * (4.0 + 8.0**0.5) * 5, rel=1e-5)
+    assert measure.triangles == 36
+    assert measure_surfaces(scenes.scene()) == SurfaceMeasure(0.0)
 
 
 def test_automatic_resolution_fits_the_budget() -> None:
@@ -70,12 +84,19 @@ def test_automatic_resolution_fits_the_budget() -> None:
     made = scenes.scene((scenes.box((-10, -10, -2), (10, 10, 2)), scenes.diffuse()))
     chosen = [choose_resolution(made, Settings(memory_budget=budget)) for budget in (16, 64, 256, 1024)]
     assert chosen == sorted(chosen) and chosen[0] < chosen[-1]
-    area = surface_area(made)
+    surfaces = measure_surfaces(made)
     for budget, resolution in zip((16, 64, 256, 1024), chosen, strict=True):
-        assert estimate_memory(resolution, (20.0, 20.0, 4.0), area, 8) <= budget * 2**20 or resolution <= 16
+        assert estimate_memory(resolution, (20.0, 20.0, 4.0), surfaces, 8) <= budget * 2**20 or resolution <= 16
+    assert choose_resolution(made, Settings(memory_budget=65536)) == FINEST
     assert choose_resolution(made, Settings(voxel_auto=False, voxel_resolution=77)) == 77
 
 
 def test_memory_grows_with_the_square() -> None:
-    one, two = (estimate_memory(n, (2.0, 2.0, 2.0), 24.0, 8) for n in (128, 256))
+    one, two = (estimate_memory(n, (2.0, 2.0, 2.0), SurfaceMeasure(24.0), 8) for n in (128, 256))
     assert 3.5 < two / one < 5.0
+
+
+def test_many_triangles_take_memory_at_any_resolution() -> None:
+    """A cell's list of triangles grows with their number where they are smaller than cells."""
+    extent, few, many = (2.0, 2.0, 2.0), SurfaceMeasure(24.0), SurfaceMeasure(24.0, 4000.0, 1_000_000)
+    assert estimate_memory(16, extent, many, 8) > estimate_memory(16, extent, few, 8) + 4_000_000

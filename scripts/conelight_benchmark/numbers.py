@@ -28,6 +28,10 @@ KERNEL_BAR = 4.0
 OWN_GROUPS = ("Conelight", "samples")
 #: Kernels whose fetches are told for each voxel face; those of others for each pixel and pass.
 FACE_KERNELS = ("link", "inject", "bounce", "cones")
+#: Kernels whose rate of fetches is told: the passes of these names do nothing else.
+RATED_KERNELS = ("gather", "link", "inject")
+#: What ``fetch_rate.py`` measures.
+RAW_KINDS = ("list", "byte", "trilinear", "buffer")
 
 
 def reference_of(plan: Plan, store: Store) -> measure.Reference | None:
@@ -53,7 +57,10 @@ def of_scene(plan: Plan, store: Store, reference: measure.Reference | None) -> R
             entry["stills"].append(_cost(name, result) | _errors(scene, name, job, result, reference))
     compare_kernels(entry)
     counted = {name: store.result(scene, job) for name, job in plan.fetches.items()}
-    entry["fetches"] = [_fetches(name, result.info) for name, result in counted.items() if result is not None]
+    entry["fetches"] = [
+        _fetches(name, result.info, store.result(scene, plan.stills[name]))
+        for name, result in counted.items() if result is not None
+    ]  # fmt: skip
     entry["frames"] = list(_sequences(plan, store))
     return entry
 
@@ -72,15 +79,33 @@ def compare_kernels(entry: Row) -> None:
             }
 
 
-def _fetches(name: str, info: dict[str, Any]) -> Row:
-    """Texel fetches by kernel: of the whole render, and for each voxel face or pixel and pass."""
+def _fetches(name: str, info: dict[str, Any], timed: Result | None = None) -> Row:
+    """Texel fetches by kernel: of the whole render, and for each voxel face or pixel and pass.
+
+    ``timed``: the same peer's picture. It tells the machine's raw rates, and so what share of that of lists is reached.
+    """
     statistics = info["statistics"]
     pixels = math.prod(statistics["resolution"]) * statistics["mean_samples"]
     each = {name: max(statistics["faces"] if name in FACE_KERNELS else pixels, 1) for name in info["fetches"]}
-    return {
+    row = {
         "peer": name, "samples": statistics["samples"], "total": info["fetches"],
         "each": {kernel: count / each[kernel] for kernel, count in info["fetches"].items()},
     }
+    if timed is not None and "fetch_rates" in timed.info:
+        row["raw"] = timed.info["fetch_rates"]
+        row["rates"] = _rates(row["each"], timed.info["statistics"])
+        row["shares"] = {kernel: rate / row["raw"]["list"] for kernel, rate in row["rates"].items()}
+    return row
+
+
+def _rates(each: dict[str, float], statistics: dict[str, Any]) -> dict[str, float]:
+    """Fetches per second of CPU time of kernels that are a pass of their own."""
+    pixels = math.prod(statistics["resolution"]) * statistics["mean_samples"]
+    seconds = {entry["name"]: entry["cpu_ms"] / 1e3 for entry in statistics["passes"]}
+    return {
+        kernel: each[kernel] * (statistics["faces"] if kernel in FACE_KERNELS else pixels) / seconds[kernel]
+        for kernel in RATED_KERNELS if kernel in each and seconds.get(kernel, 0.0) > 0.0
+    }  # fmt: skip
 
 
 def _cost(name: str, result: Result) -> Row:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from . import numbers, plots
-from .numbers import KERNEL_BAR, MOVING_PEER, TARGET_PEER, Row, find, time_to
+from .numbers import KERNEL_BAR, MOVING_PEER, RATED_KERNELS, RAW_KINDS, TARGET_PEER, Row, find, time_to
 from .peers import COUNTED_SAMPLES
 from .plan import Plan
 from .store import Store, blender_version, code_digest, machine
@@ -54,6 +54,7 @@ def markdown(content: Row) -> Iterator[str]:
         ("Bars", _bars(scenes)), ("Constant pictures", _constant(scenes)), ("Brightness", _brightness(scenes)),
         (f"Time to the error of {TARGET_PEER}", _quality(scenes)),
         ("Published kernels at equal time", _kernels(scenes)), ("Texel fetches", _fetches(scenes)),
+        ("Rates of fetches, millions a second", _rates(scenes)),
         ("Moving camera", _moving(scenes)),
     )
     for title, table in sections:
@@ -156,6 +157,21 @@ def _fetches(scenes: Sequence[Row]) -> Iterator[str]:
             rows.append((entry["scene"], row["peer"], *cells, f"{sum(row['total'].values()) / 1e6:.0f}"))
     return _table(("scene", "peer", *(f"{name}, each pixel and pass" for name in pixel),
                    *(f"{name}, each face" for name in face), f"all, {COUNTED_SAMPLES} passes, millions"), rows)
+
+
+def _rates(scenes: Sequence[Row]) -> Iterator[str]:
+    """Millions of fetches per second of CPU time; of kernels also the share of what lists allow."""
+    rows = []
+    for entry in scenes:
+        for row in entry.get("fetches", ()):
+            if "rates" in row:
+                raw = (f"{row['raw'][kind] / 1e6:.0f}" for kind in RAW_KINDS)
+                cells = (
+                    f"{row['rates'][name] / 1e6:.0f} ({row['shares'][name]:.0%})" if name in row["rates"] else ""
+                    for name in RATED_KERNELS
+                )
+                rows.append((entry["scene"], row["peer"], *raw, *cells))
+    return _table(("scene", "peer", *RAW_KINDS, *(f"{name} (of list)" for name in RATED_KERNELS)), rows)
 
 
 def _moving(scenes: Sequence[Row]) -> Iterator[str]:

@@ -33,7 +33,7 @@ from addon.host.film import PASSES  # noqa: E402
 from addon.passes.converge import FIRST_LOOK  # noqa: E402
 from blender_tests.pictures import Picture, write  # noqa: E402
 
-from . import fetches, kernels  # noqa: E402
+from . import fetch_rate, fetches, kernels  # noqa: E402
 from .job import Job  # noqa: E402
 from .store import INFO, filling  # noqa: E402
 
@@ -153,7 +153,11 @@ def _still(scene: Any, job: Job, engine: engines.Engine, place: Path) -> dict[st
     _save(place / "full.exr", passes["combined"])
     if job.passes:
         _save_parts(scene, job, place, passes)
-    return {**runs[len(runs) // 2], "runs": len(runs)}
+    info = {**runs[len(runs) // 2], "runs": len(runs)}
+    if job.engine == "conelight" and job.timed:
+        with fetch_rate.after_sample() as info["fetch_rates"]:
+            _warm_up(scene, job)
+    return info
 
 
 def _count_fetches(scene: Any, engine: engines.Engine, counter: fetches.FetchCounter) -> dict[str, Any]:

@@ -2,8 +2,9 @@
 // Radiance that leaves voxel faces, looked up where a ray has met a surface.
 
 #include "lib/trace.glsl"
+#include "lib/packed_light.glsl"
 
-layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_radiance_tex;
+layout(binding = TEX_FACE_RADIANCE) uniform usampler2D face_radiance_tex;
 
 // A face of occupied cell `index` for a surface with normal n: the one that looks most along n; NONE_INDEX when none does
 // within 60 degrees. (A normal is within 55 degrees of the axis it is nearest to.)
@@ -42,5 +43,5 @@ uint face_at_hit(vec3 position, Hit hit, uint seed)
 
 vec3 face_radiance(uint face)
 {
-    return face == NONE_INDEX ? vec3(0.0) : texelFetch(face_radiance_tex, list_texel(face), 0).rgb;
+    return face == NONE_INDEX ? vec3(0.0) : unpack_light(texelFetch(face_radiance_tex, list_texel(face), 0).rg);
 }

@@ -6,21 +6,22 @@
 // Input: faces, irradiance, links, straight_tex, face_radiance_tex.    Output: radiance_img, W/(m2 sr).
 
 #include "lib/face.glsl"
+#include "lib/packed_light.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 #if HAS_INJECTED
-layout(binding = TEX_FACE_IRRADIANCE) uniform sampler2D face_irradiance_tex;
+layout(binding = TEX_FACE_IRRADIANCE) uniform usampler2D face_irradiance_tex;
 #endif
 #if HAS_STRAIGHT
-layout(binding = TEX_FACE_STRAIGHT) uniform sampler2D straight_tex;
+layout(binding = TEX_FACE_STRAIGHT) uniform usampler2D straight_tex;
 #endif
 #if !FIRST
-layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_radiance_tex;
+layout(binding = TEX_FACE_RADIANCE) uniform usampler2D face_radiance_tex;
 layout(binding = TEX_LINKS) uniform usampler2D links_tex;
 uniform uint link_count;
 #endif
-layout(binding = IMG_0, rgba32f) writeonly uniform image2D radiance_img;
+layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D radiance_img;
 
 uniform uint face_count;
 
@@ -32,10 +33,10 @@ void main()
     }
     vec3 incoming = vec3(0.0);
 #if HAS_INJECTED
-    incoming += texelFetch(face_irradiance_tex, list_texel(face), 0).rgb;
+    incoming += unpack_light(texelFetch(face_irradiance_tex, list_texel(face), 0).rg);
 #endif
 #if HAS_STRAIGHT
-    incoming += texelFetch(straight_tex, list_texel(face), 0).rgb;
+    incoming += unpack_light(texelFetch(straight_tex, list_texel(face), 0).rg);
 #endif
 #if !FIRST
     vec3 sum = vec3(0.0);
@@ -43,12 +44,12 @@ void main()
     for (uint q = 0u; q < quads; ++q) {
         uvec4 links = texelFetch(links_tex, list_texel(face * quads + q), 0);
         for (int k = 0; k < 4; ++k) {
-            vec3 radiance = texelFetch(face_radiance_tex, list_texel(min(links[k], face_count - 1u)), 0).rgb;
-            sum += links[k] == NONE_INDEX ? vec3(0.0) : radiance;
+            uvec2 stored = texelFetch(face_radiance_tex, list_texel(min(links[k], face_count - 1u)), 0).rg;
+            sum += links[k] == NONE_INDEX ? vec3(0.0) : unpack_light(stored);
         }
     }
     incoming += sum / float(link_count);
 #endif
     vec3 radiance = fetch_face_reflectance(face).rgb * incoming;
-    imageStore(radiance_img, list_texel(face), vec4(finite_or_zero(radiance), 0.0));
+    imageStore(radiance_img, list_texel(face), pack_light(radiance));
 }

@@ -6,13 +6,14 @@
 
 #include "lib/grid.glsl"
 #include "lib/face.glsl"
+#include "lib/packed_light.glsl"
 
 layout(local_size_x = 4, local_size_y = 4, local_size_z = 4) in;
 
 layout(binding = IMG_0, rgba16f) writeonly uniform image3D level_img;
 #if FIRST
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
-layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_radiance_tex;
+layout(binding = TEX_FACE_RADIANCE) uniform usampler2D face_radiance_tex;
 #else
 layout(binding = TEX_CONES) uniform sampler3D cones_tex;
 uniform int finer_level;
@@ -65,7 +66,7 @@ void main()
             vec3 place, normal;
             fetch_face_place(face, place, normal);
             float area = fetch_face_reflectance(face).a;
-            vec4 light = vec4(texelFetch(face_radiance_tex, list_texel(face), 0).rgb, 1.0);
+            vec4 light = vec4(unpack_light(texelFetch(face_radiance_tex, list_texel(face), 0).rg), 1.0);
             for (int facing = 0; facing < 6; ++facing) {
                 sums[facing] += area * max(dot(normal, facing_vector(uint(facing))), 0.0) * light;
             }

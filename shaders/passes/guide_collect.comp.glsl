@@ -6,6 +6,7 @@
 #include "lib/grid.glsl"
 #include "lib/face.glsl"
 #include "lib/guide_work.glsl"
+#include "lib/packed_light.glsl"
 #include "lib/sampling.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
@@ -15,7 +16,7 @@ layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
 layout(binding = TEX_LINKS) uniform usampler2D links_tex;
-layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_radiance_tex;
+layout(binding = TEX_FACE_RADIANCE) uniform usampler2D face_radiance_tex;
 layout(binding = IMG_0, rgba32f) writeonly uniform image2D bins_img;
 
 uniform uint link_count;  // of each face
@@ -33,7 +34,7 @@ void fetch_link(uint face, uint k, vec3 position, vec3 normal, out vec3 directio
         vec3 normal_there;
         fetch_face_place(link, there, normal_there);
         direction = (there - position) / max(distance(there, position), 1e-6);
-        light = luminance(texelFetch(face_radiance_tex, list_texel(link), 0).rgb);
+        light = luminance(unpack_light(texelFetch(face_radiance_tex, list_texel(link), 0).rg));
     } else {
         direction = sample_cosine(normal, sample_2d(k, hash(face, random_seed)));  // as pass link has drawn it
 #if HAS_WORLD

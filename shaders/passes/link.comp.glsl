@@ -25,7 +25,7 @@ layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
 #if HAS_WORLD || HAS_EMITTERS
-layout(binding = IMG_1, rgba32f) writeonly uniform image2D straight_img;
+layout(binding = IMG_1, rg32ui) writeonly uniform uimage2D straight_img;
 #endif
 
 uniform uint link_count;  // a multiple of four
@@ -69,6 +69,6 @@ void main()
         }
     }
 #if HAS_WORLD || HAS_EMITTERS
-    imageStore(straight_img, list_texel(site.face), vec4(finite_or_zero(straight / float(link_count)), 0.0));
+    imageStore(straight_img, list_texel(site.face), pack_light(straight / float(link_count)));
 #endif
 }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// What each triangle brings to each cell it enters, listed cell by cell.
+// What each triangle brings to each cell it enters, listed cell by cell. HAS_FACES: cells have faces that it is part of.
 // A surface counts, with its area, for the facing that its normal is nearest to. A sheet has two sides, but what its
 // back looks like is asked only where no front faces that way (pass voxel_resolve): a thin wall keeps two colours.
 // Input: pairs of one batch, triangles, materials, cell numbering.
@@ -15,7 +15,9 @@ layout(local_size_x = GROUP_SIZE) in;
 layout(binding = TEX_PAIRS) uniform usampler2D pairs_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };  // next list entry of each cell
 layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
+#if HAS_FACES
 layout(binding = IMG_1, rgba32ui) writeonly uniform uimage2D part_img;
+#endif
 #if HAS_OPACITY
 layout(binding = IMG_2, r8) writeonly uniform image2D cell_opacity_img;
 #endif
@@ -71,6 +73,7 @@ void main()
     area *= opacity;
 #endif
 
+#if HAS_FACES
     // As a Lambertian.
     vec3 reflectance = surface.diffuse + glass;
     reflectance += specular_directional_albedo(surface.specular_f0, surface.specular_f90, surface.specular_ior,
@@ -88,4 +91,5 @@ void main()
         part.position[k] = fixed_point(area * inside[k], random << 5);
     }
     imageStore(part_img, list_texel(slot), pack_part(part));
+#endif
 }

@@ -1,0 +1,26 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// The triangles of each cell, where nothing asks for their materials; otherwise pass voxel_accumulate lists them.
+// Input: pairs, cell numbering.    Output: triangles of cells.
+
+#include "lib/grid.glsl"
+#include "lib/part.glsl"
+
+layout(local_size_x = GROUP_SIZE) in;
+
+layout(binding = TEX_PAIRS) uniform usampler2D pairs_tex;
+layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };  // next list entry of each cell
+layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
+
+uniform uint pair_first;
+uniform uint pair_count;
+
+void main()
+{
+    uint number = invocation_index();
+    if (number >= pair_count) {
+        return;
+    }
+    uvec4 pair = texelFetch(pairs_tex, list_texel(pair_first + number), 0);
+    uint slot = atomicAdd(cursors[cell_index(pair_cell(pair))], 1u);
+    imageStore(cell_triangle_img, list_texel(slot), uvec4(pair.x));
+}
