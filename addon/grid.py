@@ -19,8 +19,8 @@ BYTES_PER_BRICK = 16
 BYTES_PER_CELL = 16
 BYTES_PER_PAIR = 4
 BYTES_PER_FACE = 16 + 8 + 8
-#: What comes on top when light bounces: straight light, irradiance, radiance twice, a share of the guides that serve the
-#: faces of a brick. Links are four bytes each.
+#: What comes on top when light bounces: straight light, irradiance, radiance twice, a share of the guides of its brick.
+#: Links are four bytes each.
 LIGHTING_A_FACE = 8 + 8 + 2 * 8 + 6
 #: Faces of an occupied cell, as counted in architectural scenes.
 FACES_PER_CELL = 2.25

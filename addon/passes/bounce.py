@@ -22,6 +22,8 @@ RAYS_PER_STEP = 1 << 17
 #: Bounces between two looks at how much has changed, and the change at which they stop.
 CHECK_EVERY = 4
 CONVERGED = 2e-4
+#: Faces that each asks for their light, by a short ray.
+NEIGHBOURS = 8
 
 
 def link_count(settings: Settings) -> int:
@@ -133,58 +135,85 @@ class BouncePass:
     def _steps(
         self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, settings: Settings
     ) -> Iterator[float]:
-        textures = 2 if links and settings.bounces else 1
+        textures = 2 if links else 1
         self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 2, "u4") for _ in range(textures)]
         self.bounces = 0
-        with self.gpu.timed("bounce"):
-            self._pass(voxels, irradiance, links, self.radiance[0], first=True)
+        self._pass(voxels, irradiance, links, first=True)
         before = None
         while links and self.bounces < settings.bounces:
-            with self.gpu.timed("bounce"):
-                self._pass(voxels, irradiance, links, self.radiance[1], first=False)
-                self.radiance.reverse()
-                self.bounces += 1
-                if self.bounces % CHECK_EVERY == 0 and self.bounces < settings.bounces:
-                    stored = np.frombuffer(self.radiance[0].read(), np.uint32).reshape(-1, 2)[: voxels.faces.count]
-                    after = total_light(stored)  # what follows in the texture's last row is undefined
-                    if before is not None and abs(after - before) <= CONVERGED * abs(after):
-                        return
-                    before = after
+            self.radiance.reverse()
+            self._pass(voxels, irradiance, links)
+            self.bounces += 1
+            if self.bounces % CHECK_EVERY == 0 and self.bounces < settings.bounces:
+                after = self._total(voxels.faces.count)
+                if before is not None and abs(after - before) <= CONVERGED * abs(after):
+                    break
+                before = after
             yield self.bounces / settings.bounces
+        if links:
+            self._pass(voxels, irradiance, links, first=self.bounces == 0, last=True)  # the last bounce once more
+            self.radiance.reverse()
+            yield from self._share(voxels, irradiance)
+
+    def _total(self, faces: int) -> float:
+        with self.gpu.timed("bounce"):
+            stored = np.frombuffer(self.radiance[0].read(), np.uint32).reshape(-1, 2)[:faces]
+            return total_light(stored)  # what follows in the texture's last row is undefined
 
     def _pass(
         self,
         voxels: Voxels,
         irradiance: moderngl.Texture | None,
         links: LinkPass | None,
-        target: moderngl.Texture,
         *,
-        first: bool,
+        first: bool = False,
+        last: bool = False,
     ) -> None:
+        """Of ``radiance`` the second passes light on to the first."""
         gpu, slot = self.gpu, interface.slot
         straight = links.straight if links else None
-        kernel = gpu.kernel(
-            "bounce",
-            {
-                "FIRST": first,
-                "HAS_INJECTED": irradiance is not None,
-                "HAS_STRAIGHT": straight is not None,
-            },
-        )
-        voxels.faces.bind()
-        if irradiance is not None:
-            irradiance.use(slot("TEX_FACE_IRRADIANCE"))
-        if straight is not None:
-            straight.use(slot("TEX_FACE_STRAIGHT"))
-        kernel.set(face_count=voxels.faces.count)
-        if not first:
-            assert links is not None and links.links is not None
-            self.radiance[0].use(slot("TEX_FACE_RADIANCE"))
-            links.links.use(slot("TEX_LINKS"))
-            kernel.set(link_count=links.count)
-        target.bind_to_image(slot("IMG_0"), read=False, write=True)
-        kernel.run_list(voxels.faces.count)
-        gpu.barrier()  # the next bounce and the gather read what this one wrote
+        with gpu.timed("bounce"):
+            kernel = gpu.kernel(
+                "bounce",
+                {
+                    "FIRST": first,
+                    "LAST": last,
+                    "HAS_INJECTED": irradiance is not None,
+                    "HAS_STRAIGHT": straight is not None,
+                },
+            )
+            voxels.faces.bind()
+            if irradiance is not None:
+                irradiance.use(slot("TEX_FACE_IRRADIANCE"))
+            if straight is not None:
+                straight.use(slot("TEX_FACE_STRAIGHT"))
+            kernel.set(face_count=voxels.faces.count)
+            if not first:
+                assert links is not None and links.links is not None
+                self.radiance[1].use(slot("TEX_FACE_RADIANCE"))
+                links.links.use(slot("TEX_LINKS"))
+                kernel.set(link_count=links.count)
+            self.radiance[0].bind_to_image(slot("IMG_0"), read=False, write=True)
+            kernel.run_list(voxels.faces.count)
+            gpu.barrier()  # the next bounce and the gather read what this one wrote
+
+    def _share(self, voxels: Voxels, irradiance: moderngl.Texture | None) -> Iterator[float]:
+        """The second of ``radiance`` holds indirect light; the first gets what faces send. Yields the share done."""
+        gpu, slot, count = self.gpu, interface.slot, voxels.faces.count
+        kernel = gpu.kernel("share_faces", voxels.trace_defines | {"HAS_INJECTED": irradiance is not None})
+        step = max(interface.GROUP_SIZE, RAYS_PER_STEP // NEIGHBOURS)
+        for first in range(0, count, step):
+            with gpu.timed("share faces"):
+                voxels.bind(kernel)
+                voxels.faces.bind()
+                if irradiance is not None:
+                    irradiance.use(slot("TEX_FACE_IRRADIANCE"))
+                self.radiance[1].use(slot("TEX_FACE_RADIANCE"))
+                self.radiance[0].bind_to_image(slot("IMG_0"), read=False, write=True)
+                kernel.set(face_first=first, face_count=count)
+                kernel.run_list(min(step, count - first))
+            yield min(1.0, (first + step) / count)
+        gpu.barrier()  # the gather reads it
 
     def release(self) -> None:
         """Free everything."""

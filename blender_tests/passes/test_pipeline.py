@@ -245,7 +245,7 @@ def test_what_was_interrupted_is_done_again(change: str, gpu: GpuContext) -> Non
         other = with_sun(dataclasses.replace(made, world=scenes.world(0.9), meshes=made.meshes[::-1]), 9.0)
     expected = fresh(gpu, made)
     with pipeline(gpu, made, SETTINGS, SIZE, samples=0, outputs=PASSES) as ready:
-        for stop in range(1, 20):
+        for stop in range(1, 40):
             steps = ready.prepare(other, settings, SIZE)
             ended = len([None for _ in zip(range(stop), steps, strict=False)]) < stop
             steps.close()
@@ -321,17 +321,17 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "links", "guides",
     ]  # fmt: skip
     assert set(passes) - {"compile"} == {
-        "materials", "geometry", "voxelize", "inject", "link", "bounce", "guides", "visibility", "surface",
-        "light shapes", "direct", "gather", "reconstruct", "film",
+        "materials", "geometry", "voxelize", "inject", "link", "bounce", "share faces", "guides", "visibility",
+        "surface", "light shapes", "direct", "gather", "reconstruct", "film",
     }  # fmt: skip
     assert programs == {
         "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_resolve",
-        "inject", "link", "bounce", "guide_collect", "guide_build", "pixel_bins", "surface", "light_shapes", "direct",
-        "gather", "reconstruct", "compose", "film",
+        "inject", "link", "bounce", "share_faces", "guide_collect", "guide_build", "pixel_bins", "surface",
+        "light_shapes", "direct", "gather", "reconstruct", "compose", "film",
     }  # fmt: skip
     assert memory == {
-        *GEOMETRY_AND_VOXELS, "faces", "lights", "links", "face radiance", "surface pictures", "pixel lists",
-        "direct light", "indirect light", "shared light", "film",
+        *GEOMETRY_AND_VOXELS, "faces", "lights", "links", "face radiance", "guides", "surface pictures",
+        "pixel lists", "direct light", "indirect light", "shared light", "film",
     }  # fmt: skip
 
 

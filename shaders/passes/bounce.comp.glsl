@@ -2,7 +2,8 @@
 // Radiance that voxel faces pass on; what they emit themselves is not in it. FIRST: of light straight from where it is
 // made: injected, and brought by links from the world and from emitters. Otherwise one bounce more: L <- reflectance *
 // (that light + mean of L over the links). Jacobi iteration; it converges, as reflectance is at most 1 and what leaves
-// the scene is lost.
+// the scene is lost. LAST: what is shared between faces afterwards: that mean and what links bring, without what was
+// injected and without reflectance.
 // Input: faces, irradiance, links, straight_tex, face_radiance_tex.    Output: radiance_img, W/(m2 sr).
 
 #include "lib/face.glsl"
@@ -32,7 +33,7 @@ void main()
         return;
     }
     vec3 incoming = vec3(0.0);
-#if HAS_INJECTED
+#if HAS_INJECTED && !LAST
     incoming += unpack_light(texelFetch(face_irradiance_tex, list_texel(face), 0).rg);
 #endif
 #if HAS_STRAIGHT
@@ -50,6 +51,8 @@ void main()
     }
     incoming += sum / float(link_count);
 #endif
-    vec3 radiance = fetch_face_reflectance(face).rgb * incoming;
-    imageStore(radiance_img, list_texel(face), pack_light(radiance));
+#if !LAST
+    incoming *= fetch_face_reflectance(face).rgb;
+#endif
+    imageStore(radiance_img, list_texel(face), pack_light(incoming));
 }
