@@ -19,7 +19,7 @@ uint brick_bit(ivec3 cell)
 
 bool inside_grid(ivec3 cell)
 {
-    return all(greaterThanEqual(cell, ivec3(0))) && all(lessThan(cell, grid_size));
+    return all(lessThan(uvec3(cell), uvec3(grid_size)));  // what is below 0 is large without a sign
 }
 
 // Index of the occupied cell that `bit` of `brick` stands for: occupied cells before it, plus the brick's first.

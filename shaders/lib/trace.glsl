@@ -50,7 +50,6 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
     }
     bvec3 forward = greaterThan(d, vec3(0.0));
     ivec3 cell = clamp(ivec3(floor(origin + d * t)), ivec3(0), grid_size - 1);
-    vec3 best_cross = vec3(0.0);
 
     // Two loops that take turns: step until every ray of the group stands in an occupied cell, then test triangles.
     // Software rasterizers run both sides of an `if` but leave out a loop that no ray enters.
@@ -78,7 +77,9 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
             t_exit = min(at_plane.x, min(at_plane.y, at_plane.z));
             bvec3 leaves = equal(at_plane, vec3(t_exit));
             cell = clamp(ivec3(floor(origin + d * t_exit)), max(lo, ivec3(0)), min(hi, grid_size) - 1);
-            cell = ivec3(mix(vec3(cell), mix(vec3(lo) - 1.0, vec3(hi), forward), leaves));
+            cell.x = leaves.x ? (forward.x ? hi.x : lo.x - 1) : cell.x;
+            cell.y = leaves.y ? (forward.y ? hi.y : lo.y - 1) : cell.y;
+            cell.z = leaves.z ? (forward.z ? hi.z : lo.z - 1) : cell.z;
             inside = t_exit < t_end && inside_grid(cell) && --budget > 0;
         }
         uvec4 record = uvec4(0u);
@@ -115,14 +116,15 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
             if (met) {
                 hit.distance = w;
                 hit.triangle = index;
-                best_cross = cross(e1, e2);
                 next = any_hit ? end : next;
             }
         }
         inside = inside && hit.distance > t_exit && !(any_hit && hit.triangle != NONE_INDEX);
     }
     if (hit.triangle != NONE_INDEX) {
-        vec3 n = normalize(best_cross);
+        ivec2 at = triangle_texel(hit.triangle);
+        vec3 n = normalize(cross(uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(1, 0), 0).xyz),
+                                 uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(2, 0), 0).xyz)));
         hit.normal = dot(n, direction) > 0.0 ? -n : n;
         hit.cell = clamp(ivec3(floor(origin + direction * hit.distance)), ivec3(0), grid_size - 1);
     }
