@@ -115,6 +115,15 @@ class Settings:
         soft_hi=1024,
         cost="time grows in proportion",
     )
+    viewport_samples: int = _setting(
+        "Viewport Samples",
+        32,
+        "Passes that are averaged into the picture of a viewport in shading mode Rendered, when nothing changes.",
+        Panel.SAMPLING,
+        lo=1,
+        hi=65536,
+        soft_hi=1024,
+    )
     rays: int = _setting(
         "Rays per Pass",
         2,
@@ -338,6 +347,16 @@ class Settings:
         hi=1e5,
         soft_hi=10.0,
         unit=Unit.METRE,
+    )
+    viewport_fps: int = _setting(
+        "Viewport Frame Rate",
+        0,
+        "Frames per second in a viewport while something changes: the resolution follows from it. 0: 30, and 5 where "
+        "the graphics driver draws on the CPU.",
+        Panel.PERFORMANCE,
+        lo=0,
+        hi=240,
+        soft_hi=60,
     )
     time_limit: float = _setting(
         "Time Limit",

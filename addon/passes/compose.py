@@ -126,6 +126,10 @@ class Film:
             return np.divide(result, color, out=np.zeros_like(result), where=color > 0.0)
         return result
 
+    def copy_picture(self, target: moderngl.Texture) -> None:
+        """Put the picture into ``target``, rgba32f of the same size."""
+        self.gpu.copy(self._means["combined"], target)
+
     def release(self) -> None:
         """Free everything."""
         self.gpu.free(*self._means.values(), self._value)

@@ -72,6 +72,8 @@ script = Script()
 
 
 class StandInContext:
+    is_current = True
+
     @classmethod
     def attach(cls) -> StandInContext:
         if script.raise_in_attach:
@@ -142,7 +144,7 @@ class StandInReader:
         self.is_preview = is_preview
         script.readers += 1
 
-    def read(self, depsgraph: Any, resolution: tuple[int, int], check: Any) -> Any:
+    def read(self, depsgraph: Any, resolution: tuple[int, int], check: Any, **_: Any) -> Any:
         from addon.scene import CameraData, SceneData
 
         script.extractions += 1

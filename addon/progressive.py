@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A picture for somebody who works on the scene: soon there, then better and better. Knows nothing of Blender and GL.
+
+The work of a pipeline is done in slices of bounded time. A new target (another view, an edited scene) is shown first by
+one pass at a reduced resolution that fits into the time of one frame; when nothing newer has come then, passes at full
+resolution follow until there are as many as the settings ask for.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .scene import SceneData
+    from .settings import Settings
+
+#: Reductions of a picture's sides while the scene or the view changes.
+DIVISORS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+#: The reduction when nothing is known yet of how long a pass takes.
+_FIRST_DIVISOR = 4.0
+#: A smaller reduction is taken only when it would need less than this share of the time, so that the resolution rests.
+_RESERVE = 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Target:
+    """What is to be shown. Two targets are the same only when they are one object."""
+
+    scene: SceneData
+    settings: Settings
+    size: tuple[int, int]  # pixels, of the finished picture
+
+    def sees_the_same(self, other: Target | None) -> bool:
+        """Whether nothing but the view and the size differs."""
+        if other is None or self.settings != other.settings:
+            return False
+        parts = ("meshes", "instances", "materials", "lights", "world")
+        return all(getattr(self.scene, name) is getattr(other.scene, name) for name in parts)
+
+
+class MotionResolution:
+    """The resolution at which a frame takes no longer than it may, from what frames took before."""
+
+    def __init__(self) -> None:
+        self._divisor = _FIRST_DIVISOR
+        self._seconds_per_pixel: float | None = None
+
+    def measured(self, pixels: int, seconds: float) -> None:
+        """A frame of so many pixels took so long."""
+        self._seconds_per_pixel = seconds / max(pixels, 1)
+
+    def divisor(self, size: tuple[int, int], seconds: float) -> float:
+        """The smallest of :data:`DIVISORS` for a frame of ``seconds``; the greatest where none will do.
+
+        Each frame has a cost that does not depend on its size: it is found by measuring again at each resolution.
+        """
+        if self._seconds_per_pixel is None:
+            return self._divisor
+        for divisor in DIVISORS:
+            pixels = reduced(size, divisor)
+            expected = self._seconds_per_pixel * pixels[0] * pixels[1]
+            if expected <= seconds * (1.0 if divisor >= self._divisor else _RESERVE):
+                break
+        self._divisor = divisor
+        return divisor
+
+
+def reduced(size: tuple[int, int], divisor: float) -> tuple[int, int]:
+    """Pixels of a picture at a reduced resolution."""
+    return max(1, round(size[0] / divisor)), max(1, round(size[1] / divisor))
+
+
+@dataclass(frozen=True)
+class Status:
+    """How far a picture is."""
+
+    text: str
+    is_done: bool
+
+
+class Progressive:
+    """Drives one pipeline, slice by slice."""
+
+    def __init__(self, pipeline: Any, clock: Callable[[], float] = time.perf_counter) -> None:
+        self.pipeline = pipeline
+        self.resolution = MotionResolution()
+        self.shown_samples = 0  # of the last picture that was finished
+        self._clock = clock
+        self._target: Target | None = None  # what the pipeline was prepared for
+        self._size = (0, 0)  # at which
+        self._steps: Iterator[Any] | None = None
+        self._text = ""
+        self._is_sampling = False  # or else preparing
+        self._has_pass = False  # the film holds a pass over the target at this size
+        self._is_shown = False  # there was a picture of the target at some size
+        self._is_motion = False  # the time until the first pass tells how long a frame of a moving view takes
+        self._spent = 0.0  # seconds on the target at this size
+
+    def work(self, target: Target, seconds: float) -> bool:
+        """Works for about ``seconds``, less when all is done. Returns whether there is a new picture in the film.
+
+        Ends early after the first pass over a target, so that it is seen at once. A target of which nothing was shown
+        yet is not left for a newer one: else a steady flow of edits would show nothing. Raises what the pipeline
+        raises; the next call then begins again.
+        """
+        start = now = self._clock()
+        is_new = False
+        try:
+            while now - start < seconds and self._next_steps(target, seconds):
+                is_first = not self._has_pass
+                if self._step():
+                    is_new = True
+                before, now = now, self._clock()
+                self._spent += now - before
+                if is_first and self._has_pass:
+                    if self._is_motion:
+                        self.resolution.measured(self._size[0] * self._size[1], self._spent)
+                    break
+        except BaseException:
+            self._steps = self._target = None
+            raise
+        return is_new
+
+    def status(self, target: Target) -> Status:
+        """How far the picture of ``target`` is."""
+        samples, wanted = self.shown_samples, target.settings.samples
+        if self._is_done(target):
+            return Status(f"Sample {samples}/{wanted}", True)
+        if not self._is_shown:
+            return Status(self._text, False)
+        return Status(f"Sample {samples}/{wanted}" if self._has_pass else "Sample 1", False)
+
+    def _is_done(self, target: Target) -> bool:
+        if target is not self._target or not self._has_pass or self._steps is not None or self._size != target.size:
+            return False
+        film = self.pipeline.film
+        return film.samples >= target.settings.samples or film.is_converged
+
+    def _next_steps(self, target: Target, seconds: float) -> bool:
+        """Sees to it that there is something to do. Returns False when there is nothing left."""
+        if target is not self._target and (self._target is None or self._is_shown):
+            self._is_motion = target.sees_the_same(self._target)
+            self._is_shown = False
+            self._prepare(target, reduced(target.size, self.resolution.divisor(target.size, seconds)))
+        elif self._steps is not None:
+            pass
+        elif self._has_pass and self._size != target.size:
+            self._is_motion = False
+            self._prepare(target, target.size)
+        elif not self._is_done(target):
+            self._is_sampling = True
+            self._steps = self.pipeline.sample()
+        else:
+            return False
+        return True
+
+    def _prepare(self, target: Target, size: tuple[int, int]) -> None:
+        self._target, self._size, self._spent = target, size, 0.0
+        self._has_pass = self._is_sampling = False
+        self._steps = self.pipeline.prepare(target.scene, target.settings, size)
+
+    def _step(self) -> bool:
+        """Does one piece of work. Returns whether a pass was finished with it."""
+        assert self._steps is not None
+        try:
+            self._text = next(self._steps).text
+            return False
+        except StopIteration:
+            self._steps = None
+        if self._is_sampling:
+            self._has_pass = self._is_shown = True
+            self.shown_samples = self.pipeline.film.samples
+        return self._is_sampling

@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// A picture for the screen, stretched over the viewport.
+// Input: value_tex, scene-linear, premultiplied.    Output: the same; what half floats cannot hold is cut.
+
+layout(binding = TEX_VALUE) uniform sampler2D value_tex;
+
+in vec2 uv;
+layout(location = 0) out vec4 color;
+
+const float LARGEST_HALF = 65504.0;
+
+void main()
+{
+    vec4 value = texture(value_tex, uv);
+    color = mix(clamp(value, -LARGEST_HALF, LARGEST_HALF), vec4(0.0), isnan(value));
+}
