@@ -78,6 +78,13 @@ def viewport_has_own_context() -> bool:
     return backend_in_use()[0] != "OPENGL"
 
 
+def way_of_drawing(backend: str) -> str:
+    """For the user: with what Blender draws, and how pictures get there."""
+    if backend == "OPENGL":
+        return "OpenGL; viewports share Blender's context"
+    return f"{backend.capitalize()}; pictures are made with OpenGL and copied"
+
+
 class ContextThread:
     """Where a GL context can be made and used, again and again until :meth:`end`.
 

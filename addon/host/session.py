@@ -225,7 +225,7 @@ class Session:
         """What could not be rendered as asked, by name, each once."""
         found = list(self.scene.warnings) if self.scene is not None else []
         if self._pipeline is not None:
-            found += self._pipeline.statistics().get("warnings", [])
+            found += self._pipeline.warnings
         return list(dict.fromkeys(found))
 
     def release(self) -> None:

@@ -33,6 +33,16 @@ viewports: weakref.WeakSet[Viewport] = weakref.WeakSet()
 _log = logging.getLogger(__name__)
 
 
+def problems() -> list[str]:
+    """Why viewports show no picture, each sentence once."""
+    return list(dict.fromkeys(viewport.problem for viewport in viewports if viewport.problem))
+
+
+def warnings() -> list[str]:
+    """What viewports cannot show as asked, by name, each once."""
+    return list(dict.fromkeys(text for viewport in viewports for text in viewport.session.warnings))
+
+
 def frame_seconds(fps: int, renderer: str) -> float:
     """How long one frame may take while something moves. ``fps``: as the setting has it."""
     return 1.0 / (fps or (FPS_CPU if not renderer or _SOFTWARE.search(renderer) else FPS_GPU))
@@ -44,7 +54,7 @@ class Viewport:
     def __init__(self) -> None:
         self.problem: str | None = None  # why there is no picture, in one sentence
         self.draws = 0
-        self._session = Session(own_context=viewport_has_own_context())
+        self.session = Session(own_context=viewport_has_own_context())
         self._display: Display | None = None
         self._progressive: Progressive | None = None
         self._view: Any = None
@@ -54,6 +64,7 @@ class Viewport:
         self._slice: Future[None] | None = None  # at work
         self._status = Status("", False)
         self._reported: Target | None = None  # whose status that is
+        self._facts = ""
         self._renderer = ""
         self._draw_ms = 0.0
         viewports.add(self)
@@ -61,9 +72,16 @@ class Viewport:
     @property
     def is_done(self) -> bool:
         """Whether nothing more is to be done until something changes."""
+        if self.problem is not None:
+            return True
         if self._slice is not None:
             return False
         return self._target is None or (self._reported is self._target and self._status.is_done)
+
+    @property
+    def is_lit(self) -> bool:
+        """Whether there is a picture."""
+        return self._progressive is not None and self._progressive.shown_samples > 0
 
     @property
     def statistics(self) -> dict[str, Any]:
@@ -77,7 +95,7 @@ class Viewport:
         try:
             view = extract_view(context.region, context.region_data, context.space_data, depsgraph.scene)
             size = (context.region.width, context.region.height)
-            self._session.synchronize(depsgraph, size, camera=view.camera, viewport=context.space_data)
+            self.session.synchronize(depsgraph, size, camera=view.camera, viewport=context.space_data)
             self.problem = None
         except Exception as error:
             self._fail(error)
@@ -107,15 +125,15 @@ class Viewport:
         from .extract.view import extract_view, picture_size
 
         view = extract_view(context.region, context.region_data, context.space_data, depsgraph.scene)
-        scene = self._session.scene
+        scene = self.session.scene
         if scene is None:
             return  # it could not be read
         view = self._view if view.is_same(self._view) else view
-        seen = (id(scene), id(view), pixel_size, self._session.settings)
+        seen = (id(scene), id(view), pixel_size, self.session.settings)
         if self._seen == seen:
             return
         self._view, self._scene, self._seen = view, scene, seen
-        settings = dataclasses.replace(self._session.settings, samples=self._session.settings.viewport_samples)
+        settings = dataclasses.replace(self.session.settings, samples=self.session.settings.viewport_samples)
         scene = dataclasses.replace(scene, camera=view.camera)
         self._target, self.problem = Target(scene, settings, picture_size(view.box, pixel_size)), None
 
@@ -126,7 +144,7 @@ class Viewport:
             return
         seconds = frame_seconds(target.settings.viewport_fps, self._renderer)
         if self._slice is None:
-            self._slice = self._session.thread.start(lambda: self._run(target, seconds))
+            self._slice = self.session.thread.start(lambda: self._run(target, seconds))
         wait([self._slice], seconds)
         if self._slice.done():
             done, self._slice = self._slice, None
@@ -134,15 +152,16 @@ class Viewport:
 
     def _run(self, target: Target, seconds: float) -> None:
         """One slice of work, in the context of the pipeline."""
-        with self._session.pipeline() as pipeline:
+        with self.session.pipeline() as pipeline:
             if self._progressive is None or self._progressive.pipeline is not pipeline:
                 self._progressive = Progressive(pipeline)
-                self._display = UploadedDisplay() if self._session.thread.own else SharedDisplay(pipeline.gpu)
+                self._display = UploadedDisplay() if self.session.thread.own else SharedDisplay(pipeline.gpu)
                 self._renderer = pipeline.gpu.renderer
             assert self._display is not None
             if self._progressive.work(target, seconds):
                 self._display.keep(pipeline.film)
             self._status, self._reported = self._progressive.status(target), target
+            self._facts = _facts(pipeline)
 
     def _fail(self, error: Exception) -> None:
         """Keeps what to tell the user. Nothing is tried again until something changes."""
@@ -153,13 +172,12 @@ class Viewport:
 
     def _describe(self) -> str:
         """State, samples, voxels, memory and time in one line."""
-        if self._progressive is None or self._target is None:
-            return self._status.text
-        pipeline = self._progressive.pipeline
-        parts = [self._status.text]
-        if pipeline.grid is not None:
-            parts.append(" x ".join(map(str, pipeline.grid.size)) + " voxels")
-        parts.append(f"{sum(pipeline.gpu.memory.values()) / 2**20:.0f} MiB")
-        parts.append(f"{self._draw_ms:.0f} ms")
-        return " | ".join(parts)
+        return " | ".join(part for part in (self._status.text, self._facts, f"{self._draw_ms:.0f} ms") if part)
 
+
+def _facts(pipeline: Any) -> str:
+    """Voxels and memory of a pipeline."""
+    memory = f"{sum(pipeline.gpu.memory.values()) / 2**20:.0f} MiB"
+    if pipeline.grid is None:
+        return memory
+    return " x ".join(map(str, pipeline.grid.size)) + f" voxels | {memory}"

@@ -109,6 +109,8 @@ class StandInFilm:
 
 
 class StandInPipeline:
+    warnings = ("voxelize: a warning of the pipeline",)
+
     def __init__(self, context: StandInContext) -> None:
         self.film = StandInFilm()
         script.pipelines += 1
@@ -133,7 +135,7 @@ class StandInPipeline:
         yield Progress(1.0, "Tile")
 
     def statistics(self) -> dict[str, Any]:
-        return {"voxels": [8, 8, 8], "memory": {"radiance": 2**20}, "warnings": ["voxelize: a warning of the pipeline"]}
+        return {"voxels": [8, 8, 8], "memory": {"radiance": 2**20}}
 
     def release(self) -> None:
         script.released += 1
