@@ -42,26 +42,29 @@ class Target:
 
 
 class MotionResolution:
-    """The resolution at which a frame takes no longer than it may, from what frames took before."""
+    """The resolution at which a frame takes no longer than it may, from what frames took before.
+
+    Each frame has a cost that does not depend on its size, so each resolution is measured by itself. One that was not
+    tried yet is taken to cost as much for each pixel as that of the last frame, which is never too little.
+    """
 
     def __init__(self) -> None:
         self._divisor = _FIRST_DIVISOR
-        self._seconds_per_pixel: float | None = None
+        self._costs: dict[float, float] = {}  # divisor -> seconds for each pixel
 
     def measured(self, pixels: int, seconds: float) -> None:
-        """A frame of so many pixels took so long."""
-        self._seconds_per_pixel = seconds / max(pixels, 1)
+        """A frame at the divisor given last took so long. One alone may have been held up: the last few count."""
+        cost = seconds / max(pixels, 1)
+        self._costs[self._divisor] = 0.5 * (cost + self._costs.get(self._divisor, cost))
 
     def divisor(self, size: tuple[int, int], seconds: float) -> float:
-        """The smallest of :data:`DIVISORS` for a frame of ``seconds``; the greatest where none will do.
-
-        Each frame has a cost that does not depend on its size: it is found by measuring again at each resolution.
-        """
-        if self._seconds_per_pixel is None:
+        """The smallest of :data:`DIVISORS` for a frame of ``seconds``; the greatest where none will do."""
+        cost = self._costs.get(self._divisor)
+        if cost is None:
             return self._divisor
         for divisor in DIVISORS:
-            pixels = reduced(size, divisor)
-            expected = self._seconds_per_pixel * pixels[0] * pixels[1]
+            width, height = reduced(size, divisor)
+            expected = width * height * min(cost, self._costs.get(divisor, cost))
             if expected <= seconds * (1.0 if divisor >= self._divisor else _RESERVE):
                 break
         self._divisor = divisor

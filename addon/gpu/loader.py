@@ -101,6 +101,13 @@ def current_context() -> int:
     return current[0] if current is not None else 0
 
 
+def leave_thread() -> None:
+    """To be called at the end of a thread that had a context of its own: what EGL keeps for a thread outlives it."""
+    library = _library("libEGL.so.1", "libEGL.so") if sys.platform.startswith("linux") else None
+    if library is not None:
+        library.eglReleaseThread()
+
+
 def current_context_loader() -> Loader:
     """The loader for the GL context that is current on this thread. Raises RuntimeError when there is none."""
     current = _current()

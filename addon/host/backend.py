@@ -14,6 +14,8 @@ from typing import Any, TypeVar
 import bpy
 import gpu
 
+from ..gpu.loader import leave_thread
+
 Result = TypeVar("Result")
 
 #: From the EGL 1.5 specification and EGL_MESA_platform_surfaceless.
@@ -113,9 +115,10 @@ class ContextThread:
         pool, self._pool = self._pool, None
         if pool is None:
             return
-        if work is not None:
-            with contextlib.suppress(RuntimeError):  # Python itself is ending, and the context with it
+        with contextlib.suppress(RuntimeError):  # Python itself is ending, and the context with it
+            if work is not None:
                 pool.submit(work)
+            pool.submit(leave_thread)
         pool.shutdown(wait=False)
 
 

@@ -34,6 +34,8 @@ class PresentPass:
         gpu = self.gpu
         if self._vertices is None:
             self._vertices = gpu.adopt("vertex arrays", gpu.mgl.vertex_array(gpu.program("present"), []), 0)
+        size: Any = gpu.program("present")["box_size"]
+        size.value = box[2:]
         self._picture.use(interface.slot("TEX_VALUE"))
         gpu.draw_over(box, self._vertices, 3)
 

@@ -156,8 +156,18 @@ def test_resolution_is_not_lower_than_need_be() -> None:
     resolution = MotionResolution()
     resolution.measured(1000, 0.01)
     assert resolution.divisor((100, 100), 0.2) == 1.0
-    resolution.measured(1000, 0.1)
+    resolution.measured(10000, 1.0)
     assert resolution.divisor((100, 100), 0.3) == 2.0, "a quarter of the pixels is in time, a half is not"
+
+
+def test_one_slow_frame_does_not_count_for_much() -> None:
+    resolution = MotionResolution()
+    resolution.measured(1000, 0.01)
+    for _ in range(5):
+        assert resolution.divisor((100, 100), 0.13) == 1.0
+        resolution.measured(10000, 0.1)
+    resolution.measured(10000, 0.15)
+    assert resolution.divisor((100, 100), 0.13) == 1.0
 
 
 def test_edits_tell_nothing_about_frames() -> None:

@@ -245,7 +245,7 @@ def case_vulkan() -> Steps:
 
 
 def case_old_gl() -> Steps:
-    """F12 where the GL driver (of Mesa) has only 4.2, in a Blender that does not use it itself: with Vulkan."""
+    """F12 and a viewport where the GL driver (of Mesa) has only 4.2, in a Blender that does not use it: with Vulkan."""
     os.environ["MESA_GL_VERSION_OVERRIDE"] = "4.2"
     install()
     build_scene()
@@ -256,8 +256,10 @@ def case_old_gl() -> Steps:
     measured["first"] = events.last()
     measured["error_of_first"] = session().last_error
     close_render_windows()
+    shade("RENDERED")
     area("PROPERTIES").spaces.active.context = "RENDER"
-    yield 1.0
+    yield 2.0
+    measured["problems"] = sys.modules[f"{MODULE}.host.viewport"].problems()
     shot("end")
 
 

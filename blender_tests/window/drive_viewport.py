@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import importlib
 import math
 import os
+import random
 import subprocess
 import sys
 import time
@@ -228,6 +230,9 @@ def viewport_against_f12() -> Steps:
     yield 0.5
     shade("RENDERED")
     yield from converge("again")
+    drawn = sum(viewport.draws for viewport in viewports())
+    yield 2.0
+    measured["draws_at_rest"] = sum(viewport.draws for viewport in viewports()) - drawn
     yield from save_film("camera")
     yield from save_screen("camera")
     render()
@@ -299,6 +304,7 @@ def case_life_vulkan() -> Steps:
 def life_cases() -> Steps:
     scene, view = bpy.context.scene, space()
     settings().viewport_samples = 2
+    operator(bpy.ops.ed.undo_push, message="engine")
     shade("RENDERED")
     yield from converge("start")
 
@@ -376,6 +382,136 @@ def life_cases() -> Steps:
         yield from leave()
         memory.append(resident())
     measured["memory"] = memory
+
+
+def case_random_opengl() -> Steps:
+    """Edits at random for as many seconds as CONELIGHT_RANDOM_SECONDS says, faster than pictures are done."""
+    yield from prepare("random_opengl")
+    yield from random_edits()
+
+
+def case_random_vulkan() -> Steps:
+    """The same where Blender draws without GL."""
+    yield from prepare("random_vulkan")
+    yield from random_edits()
+
+
+def random_edits() -> Steps:
+    settings().viewport_samples = 2
+    operator(bpy.ops.ed.undo_push, message="engine")
+    shade("RENDERED")
+    yield from converge("start")
+    chance = random.Random(1)
+    end = time.perf_counter() + float(os.environ.get("CONELIGHT_RANDOM_SECONDS", "60"))
+    counts: dict[str, int] = {}
+    objects, memory = [], []
+    while time.perf_counter() < end:
+        edit = chance.choice(EDITS)
+        counts[edit.__name__] = counts.get(edit.__name__, 0) + 1
+        edit(chance)
+        area("VIEW_3D").tag_redraw()
+        yield chance.choice((0.0, 0.02, 0.1, 0.5))
+        if sum(counts.values()) % 50 == 0:
+            shade("RENDERED")
+            use_conelight(SAMPLES, VOXELS)
+            yield from converge("rest")
+            objects.append(sum(viewport.session._context.object_count for viewport in viewports()))
+            memory.append(resident())
+    shade("RENDERED")
+    yield from converge("end")
+    yield from leave()
+    measured.update(edits=counts, objects=objects, memory=memory)
+
+
+def turn(chance: random.Random) -> None:
+    view = space().region_3d
+    view.view_perspective = chance.choice(("PERSP", "PERSP", "ORTHO"))
+    view.view_rotation.rotate(Euler((chance.uniform(-0.2, 0.2), 0.0, chance.uniform(-0.5, 0.5))))
+    view.view_distance *= chance.uniform(0.9, 1.1)
+
+
+def through_camera(chance: random.Random) -> None:
+    view = space().region_3d
+    view.view_perspective = "CAMERA"
+    view.view_camera_zoom = chance.uniform(-20, 60)
+    bpy.context.scene.render.use_border = chance.random() < 0.5
+    bpy.context.scene.render.border_max_x = chance.uniform(0.0, 1.0)
+
+
+def displace(chance: random.Random) -> None:
+    thing = chance.choice([thing for thing in bpy.data.objects if thing.type in ("MESH", "LIGHT")])
+    thing.location.z += chance.uniform(-0.2, 0.2)
+    thing.scale = [chance.choice((1.0, 1.0, 0.5, 0.0))] * 3
+
+
+def recolour(chance: random.Random) -> None:
+    shader = chance.choice(list(bpy.data.materials)).node_tree.nodes.get("Principled BSDF")
+    if shader is not None:
+        shader.inputs["Base Color"].default_value = [*(chance.random() for _ in range(3)), 1]
+        shader.inputs["Roughness"].default_value = chance.random()
+        shader.inputs["Transmission Weight"].default_value = chance.choice((0.0, 0.0, 1.0))
+        shader.inputs["Alpha"].default_value = chance.choice((1.0, 1.0, 0.5))
+
+
+def relight(chance: random.Random) -> None:
+    light = bpy.data.objects["Light"].data
+    light.energy = chance.choice((0.0, 100.0, 1000.0))
+    light.type = chance.choice(("POINT", "SUN", "SPOT", "AREA"))
+    background = bpy.data.worlds["World"].node_tree.nodes["Background"]
+    background.inputs["Strength"].default_value = chance.choice((0.0, 0.5, 1.0))
+
+
+def add_or_remove(chance: random.Random) -> None:
+    extra = [thing for thing in bpy.data.objects if thing.name.startswith("Extra")]
+    if len(extra) > 3 or (extra and chance.random() < 0.5):
+        bpy.data.objects.remove(chance.choice(extra))
+    else:
+        thing = bpy.data.objects.new("Extra", bpy.data.objects["Sphere"].data)
+        thing.location = [chance.uniform(-4, 4) for _ in range(3)]
+        bpy.context.scene.collection.objects.link(thing)
+
+
+def hide(chance: random.Random) -> None:
+    thing = chance.choice(list(bpy.context.scene.objects))
+    thing.hide_viewport = not thing.hide_viewport
+
+
+def set_something(chance: random.Random) -> None:
+    group = settings()
+    group.voxel_resolution = chance.choice((16, 24, 32))
+    group.bounces = chance.choice((0, 2, 256))
+    group.gather_mode = chance.choice(("RAYS", "RAYS", "CONES", "OCCLUSION"))
+    group.noise_threshold = chance.choice((0.0, 0.0, 0.05))
+    bpy.context.scene.render.film_transparent = chance.random() < 0.5
+    bpy.context.scene.render.preview_pixel_size = chance.choice(("1", "2"))
+
+
+def other_shading(chance: random.Random) -> None:
+    shade(chance.choice(("SOLID", "WIREFRAME", "RENDERED", "RENDERED")))
+
+
+def undo_or_redo(chance: random.Random) -> None:
+    if chance.random() < 0.5:
+        operator(bpy.ops.ed.undo_push, message="edit")
+        return
+    with contextlib.suppress(RuntimeError):  # there is nothing to undo
+        operator(chance.choice((bpy.ops.ed.undo, bpy.ops.ed.redo)))
+
+
+def edit_mesh(chance: random.Random) -> None:
+    if bpy.context.mode != "OBJECT":
+        operator(bpy.ops.object.mode_set, mode="OBJECT")
+        return
+    sphere = bpy.data.objects.get("Sphere")
+    if sphere is not None and sphere.visible_get():
+        bpy.context.view_layer.objects.active = sphere
+        operator(bpy.ops.object.mode_set, mode="EDIT")
+
+
+EDITS = (
+    turn, turn, through_camera, displace, displace, recolour, relight, add_or_remove, hide, set_something,
+    other_shading, undo_or_redo, edit_mesh,
+)  # fmt: skip
 
 
 def resident() -> int:

@@ -68,6 +68,7 @@ def test_another_view_redoes_nothing_with_voxels(viewport: dict[str, Any]) -> No
 
 def test_nothing_is_done_for_nothing(viewport: dict[str, Any]) -> None:
     assert not passes(viewport, "select")
+    assert viewport["draws_at_rest"] <= 1
 
 
 def test_edits_redo_what_follows_from_them(viewport: dict[str, Any]) -> None:
@@ -96,3 +97,48 @@ def test_solid_view_is_drawn_as_before(viewport: dict[str, Any], folder: pathlib
     before, after = (screen(viewport, folder, f"solid_{when}") for when in ("before", "after"))
     assert np.array_equal(before, after)
     assert before.std() > 0.01, "there is something to be seen"
+
+
+@pytest.fixture(scope="module", params=["opengl", "vulkan"])
+def life(request: pytest.FixtureRequest, archive: str, folder: pathlib.Path) -> dict[str, Any]:
+    measured = drive(DRIVER, f"life_{request.param}", archive, folder, *SMALL_WINDOW, "--gpu-backend", request.param)
+    if measured["backend"] != request.param.upper():
+        pytest.skip(f"this Blender does not start with {request.param} here")
+    return measured
+
+
+def test_a_viewport_survives_what_is_around_it(life: dict[str, Any]) -> None:
+    assert all(set(found["problem"]) == {None} for found in life["viewport"].values())
+    assert life["error_of_f12"] is None
+    assert life["four_views"] == 4
+
+
+def test_none_stays_behind(life: dict[str, Any]) -> None:
+    assert life["left_when_disabled"] == life["left_after_load"] == life["viewports_left"] == 0
+    assert set(life["objects_left"]) == {0}
+    first, *_, last = life["memory"]
+    assert last - first < 2**24, "entering and leaving again and again takes no memory"
+
+
+def test_what_a_view_hides_is_not_there(life: dict[str, Any], folder: pathlib.Path) -> None:
+    shown, hidden = film(life, folder, "no_local_view"), film(life, folder, "local_view")
+    assert np.abs(shown - hidden).mean() > 0.1 * shown.mean()
+    alpha = np.load(folder / f"{life['case']}_transparent.npy")[..., 3]
+    assert alpha.min() == 0.0 and alpha.max() == 1.0
+
+
+def test_parts_and_large_pixels_are_less_work(life: dict[str, Any]) -> None:
+    size = {name: found["statistics"]["resolution"] for name, found in life["viewport"].items()}
+    width, height = size["start"]
+    assert size["border"] == [round(0.75 * width) - round(0.25 * width), round(0.6 * height) - round(0.2 * height)]
+    assert size["large_pixels"] == [-(-width // 4), -(-height // 4)]
+
+
+@pytest.mark.parametrize("backend", ["opengl", "vulkan"])
+def test_a_minute_of_random_edits(backend: str, archive: str, folder: pathlib.Path) -> None:
+    measured = drive(DRIVER, f"random_{backend}", archive, folder, *SMALL_WINDOW, "--gpu-backend", backend)
+    if measured["backend"] != backend.upper():
+        pytest.skip(f"this Blender does not start with {backend} here")
+    assert all(set(found["problem"]) == {None} for found in measured["viewport"].values())
+    assert measured["objects_left"] == [0] and measured["viewports_left"] == 0
+    assert len(measured["edits"]) > 5, "there were edits of many kinds"

@@ -74,3 +74,4 @@ def test_gl_that_is_too_old_is_said(archive: str, folder: pathlib.Path) -> None:
     if measured["backend"] != "VULKAN":
         pytest.skip("this Blender does not start with Vulkan here")
     assert "OpenGL 4.3" in measured["error_of_first"] and "driver" in measured["error_of_first"]
+    assert measured["problems"] == [measured["error_of_first"]], "a viewport says the same"
