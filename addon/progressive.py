@@ -32,10 +32,11 @@ class Target:
     scene: SceneData
     settings: Settings
     size: tuple[int, int]  # pixels, of the finished picture
+    output: str = "combined"  # of the film: what is shown
 
     def sees_the_same(self, other: Target | None) -> bool:
         """Whether nothing but the view and the size differs."""
-        if other is None or self.settings != other.settings:
+        if other is None or self.settings != other.settings or self.output != other.output:
             return False
         parts = ("meshes", "instances", "materials", "lights", "world")
         return all(getattr(self.scene, name) is getattr(other.scene, name) for name in parts)
@@ -127,6 +128,11 @@ class Progressive:
             raise
         return is_new
 
+    @property
+    def output(self) -> str:
+        """The output of the film that the target at work asks for."""
+        return self._target.output if self._target is not None else "combined"
+
     def status(self, target: Target) -> Status:
         """How far the picture of ``target`` is."""
         samples, wanted = self.shown_samples, target.settings.samples
@@ -163,6 +169,7 @@ class Progressive:
     def _prepare(self, target: Target, size: tuple[int, int]) -> None:
         self._target, self._size, self._spent = target, size, 0.0
         self._has_pass = self._is_sampling = False
+        self.pipeline.want({target.output})
         self._steps = self.pipeline.prepare(target.scene, target.settings, size)
 
     def _step(self) -> bool:

@@ -21,8 +21,8 @@ Box = tuple[int, int, int, int]
 class Display(Protocol):
     """Keeps the last picture that was finished, and draws it."""
 
-    def keep(self, film: Any) -> None:
-        """Take over the film's picture. Called where the film's context is current."""
+    def keep(self, film: Any, name: str) -> None:
+        """Take over one of the film's outputs. Called where the film's context is current."""
 
     def draw(self, box: Box) -> None:
         """Draw it, if there is one, into the region that Blender draws. Called in ``view_draw``."""
@@ -40,8 +40,8 @@ class SharedDisplay:
         self._context = context
         self._present = PresentPass(context)
 
-    def keep(self, film: Any) -> None:
-        self._present.keep(film)
+    def keep(self, film: Any, name: str) -> None:
+        self._present.keep(film, name)
 
     def draw(self, box: Box) -> None:
         with self._context.guard():  # Blender's framebuffer is bound: the guard of what was rendered has ended
@@ -58,8 +58,8 @@ class UploadedDisplay:
         self._pixels: np.ndarray | None = None  # (H, W, 4) float32, not uploaded yet
         self._texture: gpu.types.GPUTexture | None = None
 
-    def keep(self, film: Any) -> None:
-        picture = np.nan_to_num(film.read("combined"), nan=0.0)
+    def keep(self, film: Any, name: str) -> None:
+        picture = np.nan_to_num(film.read_mean(name), nan=0.0)
         self._pixels = np.clip(picture, -_LARGEST_HALF, _LARGEST_HALF)
 
     def draw(self, box: Box) -> None:

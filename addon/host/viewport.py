@@ -133,9 +133,11 @@ class Viewport:
         if self._seen == seen:
             return
         self._view, self._scene, self._seen = view, scene, seen
-        settings = dataclasses.replace(self.session.settings, samples=self.session.settings.viewport_samples)
+        settings = self.session.settings
+        output = settings.viewport_pass.lower()
+        settings = dataclasses.replace(settings, samples=settings.viewport_samples)
         scene = dataclasses.replace(scene, camera=view.camera)
-        self._target, self.problem = Target(scene, settings, picture_size(view.box, pixel_size)), None
+        self._target, self.problem = Target(scene, settings, picture_size(view.box, pixel_size), output), None
 
     def _work(self) -> None:
         """Lets a slice of work run, and waits for it as long as a frame may take."""
@@ -159,7 +161,7 @@ class Viewport:
                 self._renderer = pipeline.gpu.renderer
             assert self._display is not None
             if self._progressive.work(target, seconds):
-                self._display.keep(pipeline.film)
+                self._display.keep(pipeline.film, self._progressive.output)
             self._status, self._reported = self._progressive.status(target), target
             self._facts = _facts(pipeline)
 

@@ -20,12 +20,12 @@ class PresentPass:
         self._picture: moderngl.Texture | None = None
         self._vertices: Any = None
 
-    def keep(self, film: Film) -> None:
-        """Copy the film's picture."""
+    def keep(self, film: Film, name: str) -> None:
+        """Copy one of the film's outputs."""
         if self._picture is None or self._picture.size != film.size:
             self.release()
             self._picture = self.gpu.texture("picture shown", film.size, 4, "f4", linear=True)
-        film.copy_picture(self._picture)
+        film.copy_mean(name, self._picture)
 
     def draw(self, box: tuple[int, int, int, int]) -> None:
         """Draw what was kept into ``box`` (left, bottom, width, height in pixels) of the framebuffer that is bound."""

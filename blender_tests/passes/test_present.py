@@ -64,7 +64,7 @@ def noise() -> np.ndarray:
 def test_pixel_for_pixel(film: Film, present: PresentPass, region: moderngl.Framebuffer) -> None:
     values = noise()
     fill(film, values)
-    present.keep(film)
+    present.keep(film, "combined")
     present.draw((3, 2, *SIZE))
     expected = np.zeros((8, 12, 4), np.float32)
     expected[2:6, 3:9] = values
@@ -78,11 +78,11 @@ def test_what_is_kept_stays_while_the_film_begins_anew(
 ) -> None:
     values = noise()
     fill(film, values)
-    present.keep(film)
+    present.keep(film, "combined")
     film.start((3, 2), {"combined"}, adaptive=False)
     present.draw((0, 0, *SIZE))
     np.testing.assert_array_equal(seen(region)[:4, :6], values)
-    present.keep(film)  # of another size now
+    present.keep(film, "combined")  # of another size now
     present.draw((0, 0, 12, 8))
     assert not seen(region).any()
 
@@ -93,7 +93,7 @@ def test_a_smaller_picture_is_stretched_smoothly(
     values = np.zeros((*SIZE[::-1], 4), np.float32)
     values[...] = np.arange(6)[None, :, None]
     fill(film, values)
-    present.keep(film)
+    present.keep(film, "combined")
     present.draw((0, 0, 12, 8))
     expected = np.clip((np.arange(12) + 0.5) / 2 - 0.5, 0, 5)
     assert np.allclose(seen(region)[..., 0], expected, atol=0.02)
@@ -105,7 +105,7 @@ def test_what_half_floats_cannot_hold_is_cut(
     values = np.zeros((*SIZE[::-1], 4), np.float32)
     values[0, 0], values[1, 1] = 1e6, np.nan
     fill(film, values)
-    present.keep(film)
+    present.keep(film, "combined")
     present.draw((0, 0, *SIZE))
     found = seen(region)
     assert (found[0, 0] == 65504).all() and (found[1, 1] == 0).all()
@@ -132,6 +132,6 @@ def test_the_framebuffer_and_the_viewport_are_found_again(
     assert before[0] == region.glo
     fill(film, noise())
     with saved_state(current_context_loader()):
-        present.keep(film)
+        present.keep(film, "combined")
         present.draw((1, 1, 2, 2))
     assert bound() == before

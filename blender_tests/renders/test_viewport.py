@@ -34,6 +34,9 @@ class StandInPipeline:
         self.seconds = 0.0
         self.error: Exception | None = None
 
+    def want(self, names: set[str]) -> None:
+        self.wanted = names
+
     def prepare(self, scene: SceneData, settings: Settings, size: tuple[int, int]) -> Iterator[Any]:
         self.prepared.append(scene)
         self.film.samples = 0
@@ -76,7 +79,8 @@ class StandInDisplay:
         self.kept = 0
         self.drawn: list[tuple[int, ...]] = []
 
-    def keep(self, film: Any) -> None:
+    def keep(self, film: Any, name: str) -> None:
+        self.name = name
         self.kept += 1
 
     def draw(self, box: tuple[int, ...]) -> None:
@@ -176,6 +180,18 @@ def test_whatever_is_seen_begins_anew(window: Window, change: str) -> None:
     window.draw()
     window.finish()
     assert len(window.prepared) > count
+
+
+def test_every_pass_that_can_be_chosen_is_an_output(window: Window) -> None:
+    from addon.passes.compose import OUTPUTS
+
+    for name, _, _ in Settings.declarations()["viewport_pass"].choices:
+        window.session.settings = dataclasses.replace(window.session.settings, viewport_pass=name)
+        window.change()
+        window.draw()
+        window.finish()
+        assert window.session.stand_in.wanted <= set(OUTPUTS)
+        assert {window.viewport._display.name} == window.session.stand_in.wanted
 
 
 def test_errors_are_said_and_not_raised(window: Window) -> None:

@@ -41,6 +41,9 @@ class Counting:
                 raise RuntimeError("no more memory")
             yield SimpleNamespace(text=text)
 
+    def want(self, names: set[str]) -> None:
+        self.wanted = names
+
     def prepare(self, scene: SceneData, settings: Settings, size: tuple[int, int]) -> Iterator[Any]:
         self.log.append((scene, size))
         yield from self._steps(self._preparation, "Voxelizing")
@@ -86,6 +89,16 @@ def test_a_first_picture_comes_at_low_resolution_and_then_all_at_full() -> None:
     assert rest == ["pass", (what.scene, SIZE), "pass", "pass", "pass"]
     assert work.status(what).text == "Sample 3/3"
     assert not work.work(what, 1.0) and pipeline.log[-4:] == rest[-4:], "and then nothing is done any more"
+
+
+def test_an_output_that_is_shown_is_asked_for() -> None:
+    pipeline = Counting()
+    work, what = progressive(pipeline), Target(scene(), Settings(samples=1), SIZE, "normal")
+    finish(work, what)
+    assert pipeline.wanted == {"normal"} and work.output == "normal"
+    other = Target(scene(materials=("paint",)), Settings(samples=1), SIZE, "combined")
+    work.work(other, STEP)
+    assert not work.work(what, STEP) and work.output == "combined", "the film has what was begun"
 
 
 def test_slices_end_in_time_and_go_on_where_they_ended() -> None:

@@ -84,6 +84,7 @@ def log_passes() -> None:
 
 def bare() -> None:
     """A 3D view that shows nothing but the picture."""
+    bpy.context.preferences.system.viewport_aa = "OFF"  # or else Solid is never twice the same
     view = space()
     view.overlay.show_overlays = view.show_gizmo = False
     for name in dir(view):
@@ -205,7 +206,14 @@ def case_viewport_vulkan() -> Steps:
 
 
 def viewport_cases() -> Steps:
+    # Edges in Solid are drawn a little differently after any engine's Rendered: the comparison is with Blender's own.
+    bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
+    shade("RENDERED")
+    yield 2.0
+    shade("SOLID")
+    yield 1.0
     yield from save_screen("solid_before")
+    use_conelight(SAMPLES, VOXELS)
     shade("RENDERED")
     yield from converge("first")
     yield from leave()
@@ -276,9 +284,12 @@ def edits() -> Steps:
         view.view_perspective = "PERSP"
         view.view_rotation.rotate(Euler((0.0, 0.0, 0.3)))
 
+    def normals() -> None:
+        settings().viewport_pass = "NORMAL"
+
     for name, edit in (
         ("select", select), ("light", shine), ("material", paint), ("move", move), ("world", sky), ("settings", fewer),
-        ("orbit", orbit),
+        ("orbit", orbit), ("normals", normals),
     ):  # fmt: skip
         edit()
         area("VIEW_3D").tag_redraw()

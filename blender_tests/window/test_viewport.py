@@ -81,6 +81,7 @@ def test_edits_redo_what_follows_from_them(viewport: dict[str, Any]) -> None:
 
 
 def test_edits_are_seen(viewport: dict[str, Any], folder: pathlib.Path) -> None:
+    assert not VOXEL_PASSES & passes(viewport, "normals")
     names = ("select", "light", "material", "move", "world", "settings", "orbit")
     pictures = [film(viewport, folder, name) for name in names]
     for name, before, after in zip(names[1:], pictures, pictures[1:], strict=False):
