@@ -2,12 +2,14 @@
 """A picture for somebody who works on the scene: soon there, then better and better. Knows nothing of Blender and GL.
 
 The work of a pipeline is done in slices of bounded time. A new target (another view, an edited scene) is shown first by
-one pass at a reduced resolution that fits into the time of one frame; when nothing newer has come then, passes at full
-resolution follow until there are as many as the settings ask for.
+one pass, the draft, at a reduced resolution that fits into the time of one frame; where only the view has moved it
+takes over light from the draft before. When nothing newer has come then, passes at full resolution follow until there
+are as many as the settings ask for: the picture that F12 makes.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
 DIVISORS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
 #: The reduction when nothing is known yet of how long a pass takes.
 _FIRST_DIVISOR = 4.0
+#: Passes before a picture takes the place of a draft of its size: a draft that took over light has less noise than one.
+_PASSES_AFTER_DRAFT = 4
 #: A smaller reduction is taken only when it would need less than this share of the time, so that the resolution rests.
 _RESERVE = 0.8
 
@@ -98,10 +102,12 @@ class Progressive:
         self._steps: Iterator[Any] | None = None
         self._text = ""
         self._is_sampling = False  # or else preparing
-        self._has_pass = False  # the film holds a pass over the target at this size
-        self._is_shown = False  # there was a picture of the target at some size
-        self._is_motion = False  # the time until the first pass tells how long a frame of a moving view takes
-        self._spent = 0.0  # seconds on the target at this size
+        self._is_draft = False
+        self._has_pass = False  # the film holds a pass over the target, of the draft or of the picture
+        self._is_shown = False  # there was a draft of the target
+        self._is_motion = False  # only the view has changed since the last target
+        self._hidden_passes = 0  # that are not shown, as the draft is better still
+        self._spent = 0.0  # seconds on the draft, or on the picture
 
     def work(self, target: Target, seconds: float) -> bool:
         """Works for about ``seconds``, less when all is done. Returns whether there is a new picture in the film.
@@ -120,7 +126,7 @@ class Progressive:
                 before, now = now, self._clock()
                 self._spent += now - before
                 if is_first and self._has_pass:
-                    if self._is_motion:
+                    if self._is_draft and self._is_motion:
                         self.resolution.measured(self._size[0] * self._size[1], self._spent)
                     break
         except BaseException:
@@ -143,7 +149,7 @@ class Progressive:
         return Status(f"Sample {samples}/{wanted}" if self._has_pass else "Sample 1", False)
 
     def _is_done(self, target: Target) -> bool:
-        if target is not self._target or not self._has_pass or self._steps is not None or self._size != target.size:
+        if target is not self._target or self._is_draft or not self._has_pass or self._steps is not None:
             return False
         film = self.pipeline.film
         return film.samples >= target.settings.samples or film.is_converged
@@ -153,12 +159,13 @@ class Progressive:
         if target is not self._target and (self._target is None or self._is_shown):
             self._is_motion = target.sees_the_same(self._target)
             self._is_shown = False
-            self._prepare(target, reduced(target.size, self.resolution.divisor(target.size, seconds)))
+            self._prepare(target, reduced(target.size, self.resolution.divisor(target.size, seconds)), is_draft=True)
         elif self._steps is not None:
             pass
-        elif self._has_pass and self._size != target.size:
-            self._is_motion = False
-            self._prepare(target, target.size)
+        elif self._is_draft and self._has_pass:
+            is_sharp = self._size == target.size
+            self._hidden_passes = min(_PASSES_AFTER_DRAFT, target.settings.samples) - 1 if is_sharp else 0
+            self._prepare(target, target.size, is_draft=False)
         elif not self._is_done(target):
             self._is_sampling = True
             self._steps = self.pipeline.sample()
@@ -166,21 +173,26 @@ class Progressive:
             return False
         return True
 
-    def _prepare(self, target: Target, size: tuple[int, int]) -> None:
-        self._target, self._size, self._spent = target, size, 0.0
+    def _prepare(self, target: Target, size: tuple[int, int], *, is_draft: bool) -> None:
+        self._target, self._size, self._is_draft, self._spent = target, size, is_draft, 0.0
         self._has_pass = self._is_sampling = False
+        settings = dataclasses.replace(target.settings, reuse_frames=True) if is_draft else target.settings
         self.pipeline.want({target.output})
-        self._steps = self.pipeline.prepare(target.scene, target.settings, size)
+        self._steps = self.pipeline.prepare(target.scene, settings, size, follows=is_draft and self._is_motion)
 
     def _step(self) -> bool:
-        """Does one piece of work. Returns whether a pass was finished with it."""
+        """Does one piece of work. Returns whether there is a new picture to be shown."""
         assert self._steps is not None
         try:
             self._text = next(self._steps).text
             return False
         except StopIteration:
             self._steps = None
-        if self._is_sampling:
-            self._has_pass = self._is_shown = True
-            self.shown_samples = self.pipeline.film.samples
-        return self._is_sampling
+        if not self._is_sampling:
+            return False
+        self._has_pass = True
+        samples = self.pipeline.film.samples
+        if not self._is_draft and samples <= self._hidden_passes and not self.pipeline.film.is_converged:
+            return False
+        self._is_shown, self.shown_samples = True, samples
+        return True

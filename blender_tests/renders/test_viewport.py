@@ -37,7 +37,9 @@ class StandInPipeline:
     def want(self, names: set[str]) -> None:
         self.wanted = names
 
-    def prepare(self, scene: SceneData, settings: Settings, size: tuple[int, int]) -> Iterator[Any]:
+    def prepare(
+        self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool
+    ) -> Iterator[Any]:
         self.prepared.append(scene)
         self.film.samples = 0
         if self.error is not None:

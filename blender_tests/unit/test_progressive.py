@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -25,6 +26,7 @@ class Counting:
         self.now = 0.0
         self.film = SimpleNamespace(samples=0, is_converged=False)
         self.log: list[Any] = []
+        self.drafts: list[tuple[bool, bool]] = []  # whether light is taken over, and whether there is some
         self.fails = False
         self.enough = 1000
         self._preparation = preparation
@@ -44,8 +46,11 @@ class Counting:
     def want(self, names: set[str]) -> None:
         self.wanted = names
 
-    def prepare(self, scene: SceneData, settings: Settings, size: tuple[int, int]) -> Iterator[Any]:
+    def prepare(
+        self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool
+    ) -> Iterator[Any]:
         self.log.append((scene, size))
+        self.drafts.append((settings.reuse_frames, follows))
         yield from self._steps(self._preparation, "Voxelizing")
         self.film.samples, self.film.is_converged, self._size = 0, False, size
 
@@ -99,6 +104,38 @@ def test_an_output_that_is_shown_is_asked_for() -> None:
     other = Target(scene(materials=("paint",)), Settings(samples=1), SIZE, "combined")
     work.work(other, STEP)
     assert not work.work(what, STEP) and work.output == "combined", "the film has what was begun"
+
+
+def moved(of: Target, by: float) -> Target:
+    camera = CameraData(np.eye(4), np.eye(4) * (1 + by))
+    return dataclasses.replace(of, scene=dataclasses.replace(of.scene, camera=camera))
+
+
+def test_drafts_of_a_moving_view_take_over_light() -> None:
+    pipeline = Counting()
+    work, first = progressive(pipeline), target()
+    for index in range(3):
+        work.work(moved(first, index), 1.0)
+    work.work(target(of=scene(materials=("paint",))), 1.0)
+    assert pipeline.drafts == [(True, False), (True, True), (True, True), (True, False)]
+    what = moved(first, 9)
+    finish(work, what)
+    assert pipeline.drafts[-1] == (False, False), "the picture itself takes over nothing"
+
+
+def test_a_sharp_draft_is_shown_until_the_picture_is_better() -> None:
+    pipeline = Counting()
+    work, first = progressive(pipeline), target(samples=6)
+    work.work(first, 1.0)
+    work.work(moved(first, 1), 1.0)  # there is time for more
+    what = moved(first, 2)
+    work.work(what, 1.0)
+    assert pipeline.log[-2] == (what.scene, SIZE), "the draft is sharp"
+    shown = []
+    while not work.status(what).is_done:
+        if work.work(what, STEP):
+            shown.append(work.shown_samples)
+    assert shown == [4, 5, 6]
 
 
 def test_slices_end_in_time_and_go_on_where_they_ended() -> None:

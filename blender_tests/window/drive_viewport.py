@@ -42,7 +42,7 @@ from driving import (
     window,
 )
 
-SAMPLES = 8
+SAMPLES = 4
 VOXELS = 32
 
 #: Names of the passes that ran since the list was emptied, in order.
@@ -99,7 +99,7 @@ def put_pointer_away() -> None:
     subprocess.run(["xdotool", "mousemove", *corner], check=True, timeout=20)
 
 
-def converge(name: str, limit: float = 150.0) -> Steps:
+def converge(name: str, limit: float = 300.0) -> Steps:
     """Waits until the viewport is done, and keeps how long it took, in which draws and passes."""
     passes.clear()
     start = last = time.perf_counter()

@@ -14,7 +14,7 @@ import pytest
 
 HERE = pathlib.Path(__file__).parent
 WINDOW = ("--window-geometry", "0", "0", "1280", "800")
-SMALL_WINDOW = ("--window-geometry", "0", "0", "800", "600")  # pictures of viewports take long without a GPU
+SMALL_WINDOW = ("--window-geometry", "0", "0", "640", "480")  # pictures of viewports take long without a GPU
 BLENDER = os.environ.get("CONELIGHT_BLENDER_WINDOW", "")
 
 MARKS = [
@@ -22,6 +22,7 @@ MARKS = [
     pytest.mark.skipif(not os.environ.get("DISPLAY"), reason="there is no display: no test in a window"),
     pytest.mark.skipif(not shutil.which("xdotool"), reason="there is no xdotool: no test in a window"),
     pytest.mark.slow,
+    pytest.mark.timeout(900),
 ]
 
 
@@ -35,7 +36,7 @@ def drive(driver: str, case: str, archive: str, folder: pathlib.Path, *options: 
     ]
     result = subprocess.run(
         command, env={**environ, "BLENDER_USER_RESOURCES": str(resources)}, capture_output=True, text=True,
-        timeout=400, check=False,
+        timeout=800, check=False,
     )
     printed = result.stdout + result.stderr
     assert result.returncode == 0, printed
