@@ -107,7 +107,7 @@ class Progressive:
         self._is_shown = False  # there was a draft of the target
         self._is_motion = False  # only the view has changed since the last target
         self._hidden_passes = 0  # that are not shown, as the draft is better still
-        self._spent = 0.0  # seconds on the draft, or on the picture
+        self._spent = 0.0  # seconds on the draft, as far as they follow from its resolution
 
     def work(self, target: Target, seconds: float) -> bool:
         """Works for about ``seconds``, less when all is done. Returns whether there is a new picture in the film.
@@ -126,7 +126,7 @@ class Progressive:
                 before, now = now, self._clock()
                 self._spent += now - before
                 if is_first and self._has_pass:
-                    if self._is_draft and self._is_motion:
+                    if self._is_draft:
                         self.resolution.measured(self._size[0] * self._size[1], self._spent)
                     break
         except BaseException:
@@ -167,6 +167,8 @@ class Progressive:
             self._hidden_passes = min(_PASSES_AFTER_DRAFT, target.settings.samples) - 1 if is_sharp else 0
             self._prepare(target, target.size, is_draft=False)
         elif not self._is_done(target):
+            if not self._is_motion:
+                self._spent = 0.0  # what an edit takes before has nothing to do with the resolution
             self._is_sampling = True
             self._steps = self.pipeline.sample()
         else:
