@@ -55,12 +55,14 @@ class MotionResolution:
 
     def __init__(self) -> None:
         self._divisor = _FIRST_DIVISOR
-        self._costs: dict[float, float] = {}  # divisor -> seconds for each pixel
+        self._last: dict[float, float] = {}  # divisor -> seconds for each pixel of its last frame
+        self._costs: dict[float, float] = {}  # the same, of the quicker of its last two frames
 
     def measured(self, pixels: int, seconds: float) -> None:
-        """A frame at the divisor given last took so long. One alone may have been held up: the last few count."""
+        """A frame at the divisor given last took so long. One alone may have been held up, by a compiler for one."""
         cost = seconds / max(pixels, 1)
-        self._costs[self._divisor] = 0.5 * (cost + self._costs.get(self._divisor, cost))
+        self._costs[self._divisor] = min(cost, self._last.get(self._divisor, cost))
+        self._last[self._divisor] = cost
 
     def divisor(self, size: tuple[int, int], seconds: float) -> float:
         """The smallest of :data:`DIVISORS` for a frame of ``seconds``; the greatest where none will do."""
