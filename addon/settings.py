@@ -25,6 +25,7 @@ class Panel(enum.Enum):
     """Sub-panels of Render properties > Conelight, in order."""
 
     SAMPLING = "Sampling"
+    VIEWPORT = "Viewport"
     VOXELS = "Voxels"
     LIGHT = "Light Transport"
     SHADOWS = "Shadows"
@@ -339,6 +340,45 @@ class Settings:
         hi=1e5,
         soft_hi=10.0,
         unit=Unit.METRE,
+    )
+    viewport_samples: int = _setting(
+        "Samples",
+        32,
+        "Passes that are averaged into the picture of a viewport in shading mode Rendered, when nothing changes.",
+        Panel.VIEWPORT,
+        lo=1,
+        hi=65536,
+        soft_hi=1024,
+    )
+    viewport_fps: int = _setting(
+        "Frame Rate",
+        0,
+        "Frames per second in a viewport while something changes: the resolution follows from it. 0: 30, and 5 where "
+        "the graphics driver draws on the CPU.",
+        Panel.VIEWPORT,
+        lo=0,
+        hi=240,
+        soft_hi=60,
+    )
+    viewport_pass: str = _setting(
+        "Pass",
+        "COMBINED",
+        "What a viewport shows: the picture, or a part of its light or a property of what is seen.",
+        Panel.VIEWPORT,
+        choices=(
+            ("COMBINED", "Combined", "The picture"),
+            ("DIFFUSE_DIRECT", "Diffuse Direct", "Diffuse light straight from where it is made"),
+            ("DIFFUSE_INDIRECT", "Diffuse Indirect", "Diffuse light that surfaces pass on"),
+            ("GLOSSY_DIRECT", "Glossy Direct", "Reflections of where light is made"),
+            ("GLOSSY_INDIRECT", "Glossy Indirect", "Reflections of surfaces"),
+            ("DIFFUSE_COLOR", "Diffuse Color", "The colour of diffuse reflection"),
+            ("EMISSION", "Emission", "Light that surfaces send out themselves"),
+            ("ENVIRONMENT", "Environment", "The world"),
+            ("NORMAL", "Normal", "Shading normals"),
+            ("POSITION", "Position", "Places in the world, in metres"),
+            ("DEPTH", "Depth", "Distances from the camera, in metres"),
+        ),
+        cost="little",
     )
     time_limit: float = _setting(
         "Time Limit",

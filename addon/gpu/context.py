@@ -115,6 +115,10 @@ class GpuContext:
         self._bind_buffer = function("glBindBuffer", None, unsigned, unsigned)
         self._dispatch = function("glDispatchCompute", None, unsigned, unsigned, unsigned)
         self._dispatch_indirect = function("glDispatchComputeIndirect", None, signed)
+        self._set_viewport = function("glViewport", None, *[ctypes.c_int] * 4)
+        image = ctypes.c_uint, ctypes.c_uint, *[ctypes.c_int] * 4
+        self._copy_image = function("glCopyImageSubData", None, *image, *image, *[ctypes.c_int] * 3)
+        self._native = loader.current_context()
 
     # Contexts ---------------------------------------------------------------------------------------------------
 
@@ -157,6 +161,11 @@ class GpuContext:
             return
         with saved_state(loader.current_context_loader()):
             yield
+
+    @property
+    def is_current(self) -> bool:
+        """Whether this context is the one that GL calls of this thread go to."""
+        return loader.current_context() == self._native
 
     # Programs ---------------------------------------------------------------------------------------------------
 
@@ -202,7 +211,17 @@ class GpuContext:
         self._bind_buffer(_DISPATCH_INDIRECT_BUFFER, arguments.glo)
         self._dispatch_indirect(offset)
 
+    def draw_over(self, box: tuple[int, int, int, int], vertices: moderngl.VertexArray, count: int) -> None:
+        """Draw triangles into ``box`` (left, bottom, width, height in pixels) of the framebuffer that is bound."""
+        self.mgl.enable_only(moderngl.NOTHING)  # without depth test depth is not written either
+        self._set_viewport(*box)
+        vertices.render(moderngl.TRIANGLES, vertices=count)
+
     # Storage ----------------------------------------------------------------------------------------------------
+
+    def copy(self, source: moderngl.Texture, target: moderngl.Texture) -> None:
+        """Copy one 2D texture to another of the same size and format."""
+        self._copy_image(source.glo, 0x0DE1, 0, 0, 0, 0, target.glo, 0x0DE1, 0, 0, 0, 0, *source.size, 1)
 
     def buffer(self, name: str, data: np.ndarray | bytes | None = None, *, size: int = 0) -> moderngl.Buffer:
         """A buffer with ``data`` in it, or of ``size`` bytes of zero."""

@@ -75,22 +75,45 @@ def _linux_loaders() -> list[tuple[Callable[[], int | None], Loader]]:
     return found
 
 
-def current_context_loader() -> Loader:
-    """The loader for the GL context that is current on this thread. Raises RuntimeError when there is none."""
+def _current() -> tuple[int, Loader] | None:
+    """The native handle of the GL context that is current on this thread, and the loader for it."""
     if sys.platform.startswith("linux"):
-        for current, loader in _linux_loaders():
-            if current():
-                return loader
-        raise RuntimeError("no OpenGL context is current")
+        for get_current, loader in _linux_loaders():
+            handle = get_current()
+            if handle:
+                return handle, loader
+        return None
     if sys.platform.startswith("win"):
         library = ctypes.WinDLL("opengl32.dll")  # type: ignore[attr-defined]
         library.wglGetCurrentContext.restype = ctypes.c_void_p
         library.wglGetProcAddress.restype = ctypes.c_void_p
         library.wglGetProcAddress.argtypes = [ctypes.c_char_p]
-        if not library.wglGetCurrentContext():
-            raise RuntimeError("no OpenGL context is current")
-        return Loader(lambda name: library.wglGetProcAddress(name.encode()) or _address(library, name))
+        handle = library.wglGetCurrentContext()
+        if not handle:
+            return None
+        return handle, Loader(lambda name: library.wglGetProcAddress(name.encode()) or _address(library, name))
     raise RuntimeError("this system has no OpenGL 4.3")
+
+
+def current_context() -> int:
+    """The native handle of the GL context that is current on this thread; 0: there is none."""
+    current = _current()
+    return current[0] if current is not None else 0
+
+
+def leave_thread() -> None:
+    """To be called at the end of a thread that had a context of its own: what EGL keeps for a thread outlives it."""
+    library = _library("libEGL.so.1", "libEGL.so") if sys.platform.startswith("linux") else None
+    if library is not None:
+        library.eglReleaseThread()
+
+
+def current_context_loader() -> Loader:
+    """The loader for the GL context that is current on this thread. Raises RuntimeError when there is none."""
+    current = _current()
+    if current is None:
+        raise RuntimeError("no OpenGL context is current")
+    return current[1]
 
 
 def debug_messages(loader: Loader) -> list[str]:

@@ -8,11 +8,15 @@ import ctypes
 import re
 import sys
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any, TypeVar
 
 import bpy
 import gpu
+
+from ..gpu.loader import leave_thread
+
+Result = TypeVar("Result")
 
 #: From the EGL 1.5 specification and EGL_MESA_platform_surfaceless.
 _EGL_OPENGL_API = 0x30A2
@@ -71,32 +75,61 @@ def has_own_context() -> bool:
     return not bpy.app.background or backend_in_use()[0] == "VULKAN"
 
 
+def viewport_has_own_context() -> bool:
+    """Whether viewports make a GL context of their own, because Blender draws them with something else."""
+    return backend_in_use()[0] != "OPENGL"
+
+
+def way_of_drawing(backend: str) -> str:
+    """For the user: with what Blender draws, and how pictures get there."""
+    if backend == "OPENGL":
+        return "OpenGL; viewports share Blender's context"
+    return f"{backend.capitalize()}; pictures are made with OpenGL and copied"
+
+
 class ContextThread:
     """Where a GL context can be made and used, again and again until :meth:`end`.
 
     A context of our own needs a thread of its own: made on one of Blender's it would take the place of Blender's.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, own: bool) -> None:
+        """``own``: the context is ours, else Blender's, which is current where it is asked for."""
+        self.own = own
         self._pool: ThreadPoolExecutor | None = None
 
     def run(self, work: Callable[[], bool]) -> bool:
         """Calls ``work`` there and waits for it; raises what it raises."""
-        if not has_own_context():
-            return work()
+        return self.start(work).result()
+
+    def start(self, work: Callable[[], Result]) -> Future[Result]:
+        """Calls ``work`` there; where that is this thread, it is done when this returns."""
+        if not self.own:
+            return _done(work)
         if self._pool is None:
             self._pool = ThreadPoolExecutor(max_workers=1, thread_name_prefix="conelight")
-        return self._pool.submit(work).result()
+        return self._pool.submit(work)
 
     def end(self, work: Callable[[], None] | None = None) -> None:
         """Lets a thread of our own do some last ``work`` and end, without waiting for it."""
         pool, self._pool = self._pool, None
         if pool is None:
             return
-        if work is not None:
-            with contextlib.suppress(RuntimeError):  # Python itself is ending, and the context with it
+        with contextlib.suppress(RuntimeError):  # Python itself is ending, and the context with it
+            if work is not None:
                 pool.submit(work)
+            pool.submit(leave_thread)
         pool.shutdown(wait=False)
+
+
+def _done(work: Callable[[], Result]) -> Future[Result]:
+    """What ``work`` gave or raised."""
+    future: Future[Result] = Future()
+    try:
+        future.set_result(work())
+    except BaseException as error:
+        future.set_exception(error)
+    return future
 
 
 _background_has_gl: bool | None = None

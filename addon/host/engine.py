@@ -13,6 +13,7 @@ from . import session
 from .backend import background_has_gl
 from .film import wanted_passes, write_passes
 from .session import RenderCancelled, Session
+from .viewport import Viewport
 
 ENGINE_ID = "CONELIGHT"
 
@@ -41,6 +42,7 @@ class ConelightEngine(bpy.types.RenderEngine):
 
     # Blender runs __init__ twice on each engine, so there is none: these become the object's own when first set.
     _session: Session | None = None
+    _viewport: Viewport | None = None
     _failed: bool = False
     _last_pause: float = 0.0
 
@@ -154,10 +156,19 @@ class ConelightEngine(bpy.types.RenderEngine):
 
     def view_update(self, context: Any, depsgraph: Any) -> None:
         """The scene changed under a rendered viewport."""
+        if self._viewport is None:
+            self._viewport = Viewport()
+        self._viewport.update(context, depsgraph)
 
     def view_draw(self, context: Any, depsgraph: Any) -> None:
-        """Draws a rendered viewport: nothing yet but a line that says so, over the cleared region."""
-        self.update_stats("Conelight", "There is no rendered viewport yet: press F12, or use Material Preview")
+        """Draws a rendered viewport, and asks to be called again until its picture is done."""
+        if self._viewport is None:
+            self.view_update(context, depsgraph)
+        assert self._viewport is not None
+        text = self._viewport.draw(context, depsgraph, int(self.get_preview_pixel_size(depsgraph.scene)))
+        self.update_stats("Conelight", text)
+        if not self._viewport.is_done:
+            self.tag_redraw()
 
 
 @bpy.app.handlers.persistent

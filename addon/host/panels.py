@@ -10,8 +10,8 @@ import bpy
 
 from ..grid import SurfaceMeasure, estimate_memory
 from ..settings import Panel, Settings
-from . import session
-from .backend import backend_in_use
+from . import session, viewport
+from .backend import backend_in_use, way_of_drawing
 from .engine import ENGINE_ID
 from .film import PASSES
 
@@ -90,13 +90,15 @@ class RENDER_PT_conelight(_OwnPanel, bpy.types.Panel):
         layout.prop(context.scene.conelight, "preset")
         if session.last_error is not None:
             _draw_sentences(layout.box(), [session.last_error], "CANCEL")
-        warnings = session.last_statistics.get("warnings", [])
+        for text in viewport.problems():
+            _draw_sentences(layout.box(), [f"Viewport: {text}"], "CANCEL")
+        warnings = list(dict.fromkeys(session.last_statistics.get("warnings", []) + viewport.warnings()))
         if warnings:
             box = layout.box()
             box.label(text="Not rendered as asked:", icon="INFO")
             _draw_sentences(box, warnings, "DOT")
         if problem is None and backend != "UNKNOWN":
-            layout.label(text=f"Graphics: {backend.capitalize().replace('gl', 'GL')}")
+            _draw_sentences(layout, [f"Graphics: {way_of_drawing(backend)}"], "NONE")
 
 
 class _SettingsPanel(_OwnPanel):

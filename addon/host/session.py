@@ -7,16 +7,18 @@ A session first reads the scene (:meth:`Session.synchronize`, no graphics contex
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import bpy
 import numpy as np
 
-from ..scene import SceneData
+from ..scene import CameraData, SceneData
 from ..settings import Settings
+from .abandoned import abandon, free, free_abandoned
 from .backend import ContextThread, backend_in_use, has_own_context
 from .properties import settings_from_scene
 
@@ -38,9 +40,6 @@ Step = Callable[[float, str], bool]
 
 #: Share of the progress bar that goes to what happens before the first sample.
 _PREPARATION_SHARE = 0.25
-
-#: Pipelines whose session is gone. Their GL objects can only be freed where a context is current.
-_abandoned: list[tuple[Any, Any]] = []
 
 
 class RenderFailed(Exception):
@@ -96,11 +95,12 @@ def is_expected(error: BaseException) -> bool:
 class Session:
     """What is kept between the frames of one picture: the scene that was read, and the pipeline that renders it."""
 
-    def __init__(self, *, is_preview: bool = False) -> None:
+    def __init__(self, *, is_preview: bool = False, own_context: bool | None = None) -> None:
+        """``own_context``: whether to render in a context of our own instead of Blender's; None: as F12 does."""
         self.is_preview = is_preview
         self.settings = Settings()
         self.scene: SceneData | None = None
-        self.thread = ContextThread()
+        self.thread = ContextThread(own=has_own_context() if own_context is None else own_context)
         self._reader: Any = None
         self._extraction_ms = 0.0
         self._context: Any = None
@@ -108,10 +108,18 @@ class Session:
         self._render_number = -1  # of the last picture
 
     def synchronize(
-        self, depsgraph: Any, resolution: tuple[int, int], test_break: Callable[[], bool] = lambda: False
+        self,
+        depsgraph: Any,
+        resolution: tuple[int, int],
+        test_break: Callable[[], bool] = lambda: False,
+        *,
+        camera: CameraData | None = None,
+        viewport: Any = None,
     ) -> None:
         """Reads settings and what may have changed in the scene. ``resolution``: of the whole frame, in pixels.
 
+        ``camera`` takes the place of the scene's. ``viewport``: ``bpy.types.SpaceView3D`` that shows the scene, and
+        may leave out some of it.
         To be called after each evaluation of the depsgraph. Raises ExtractionError, or RenderCancelled when
         ``test_break`` says so, and then holds no scene.
         """
@@ -129,7 +137,7 @@ class Session:
         self.scene = None
         if self._reader is None:
             self._reader = SceneReader(is_preview=self.is_preview)
-        self.scene = self._reader.read(depsgraph, resolution, check)
+        self.scene = self._reader.read(depsgraph, resolution, check, camera=camera, viewport=viewport)
         self._extraction_ms = 1e3 * (time.perf_counter() - start)
 
     def forget(self) -> None:
@@ -157,9 +165,18 @@ class Session:
         """
         if self.scene is None:
             raise RenderFailed("There is no scene to render.")
+        with self.pipeline():
+            return self._render(self.scene, size, set(wanted), step, after_sample, border, is_animation)
+
+    @contextlib.contextmanager
+    def pipeline(self) -> Iterator[Any]:
+        """The pipeline of this session; leaves the state of a GL context of Blender's as it was.
+
+        To be used on :attr:`thread`. Raises GpuUnavailable and RenderFailed.
+        """
         self._ensure_pipeline()
         with self._context.guard():
-            return self._render(self.scene, size, set(wanted), step, after_sample, border, is_animation)
+            yield self._pipeline
 
     def _render(
         self,
@@ -208,34 +225,39 @@ class Session:
         """What could not be rendered as asked, by name, each once."""
         found = list(self.scene.warnings) if self.scene is not None else []
         if self._pipeline is not None:
-            found += self._pipeline.statistics().get("warnings", [])
+            found += self._pipeline.warnings
         return list(dict.fromkeys(found))
 
     def release(self) -> None:
         """Frees everything on the GPU. The context that :meth:`render` had must be current."""
         pipeline, context = self._pipeline, self._context
         self._pipeline = self._context = None
-        _release(pipeline, context)
+        free(pipeline, context)
 
     def __del__(self) -> None:
-        # This may be any thread. Blender's context may not be current here: then freeing waits for the next render.
+        self._let_go()  # this may be any thread
+
+    def _let_go(self) -> None:
+        """Has everything on the GPU freed, when its context is current again."""
         pipeline, context = self._pipeline, self._context
-        if pipeline is not None and not has_own_context():
-            _abandoned.append((pipeline, context))
-            pipeline = None
-        self.thread.end((lambda: _release(pipeline, context)) if pipeline is not None else None)
+        self._pipeline = self._context = None
+        if context is not None and not self.thread.own:
+            abandon(pipeline, context)
+            context = None
+        self.thread.end((lambda: free(pipeline, context)) if context is not None else None)
 
     def _ensure_pipeline(self) -> None:
         from ..gpu.context import GpuContext
         from ..pipeline import Pipeline
 
-        while _abandoned:
-            _release(*_abandoned.pop())
+        free_abandoned()
+        if self._context is not None and not self.thread.own and not self._context.is_current:
+            self._let_go()  # Blender has made another
         if self._pipeline is None:
             _, problem = backend_in_use()
             if problem is not None:
                 raise RenderFailed(problem)
-            self._context = GpuContext.standalone() if has_own_context() else GpuContext.attach()
+            self._context = GpuContext.standalone() if self.thread.own else GpuContext.attach()
             with self._context.guard():
                 self._pipeline = Pipeline(self._context)
 
@@ -251,15 +273,6 @@ class Session:
             "wall_ms": self._extraction_ms + render_ms,
             "first_frame_ms": self._extraction_ms + first_frame_ms,  # until the first pass was in the film
         }
-
-
-def _release(pipeline: Any, context: Any) -> None:
-    if context is None:
-        return
-    with context.guard():
-        if pipeline is not None:
-            pipeline.release()
-        context.release()
 
 
 def pixel_border(

@@ -118,13 +118,20 @@ class Film:
     def read(self, name: str) -> FloatArray:
         """(H, W, channels) float32, row 0 at the bottom, scene-linear, premultiplied. Raises KeyError."""
         channels, _ = OUTPUTS[name]
-        width, height = self.size
-        data = np.frombuffer(self._means[name].read(), np.float32).reshape(height, width, 4)
-        result = np.ascontiguousarray(data[..., :channels])
+        result = np.ascontiguousarray(self.read_mean(name)[..., :channels])
         if name in DIVIDED_BY_COLOR:
-            color = np.frombuffer(self._means["diffuse_color"].read(), np.float32).reshape(height, width, 4)[..., :3]
+            color = self.read_mean("diffuse_color")[..., :3]
             return np.divide(result, color, out=np.zeros_like(result), where=color > 0.0)
         return result
+
+    def read_mean(self, name: str) -> FloatArray:
+        """(H, W, 4) float32 as :meth:`read`, with coverage, and light not divided by colour. Raises KeyError."""
+        width, height = self.size
+        return np.frombuffer(self._means[name].read(), np.float32).reshape(height, width, 4)
+
+    def copy_mean(self, name: str, target: moderngl.Texture) -> None:
+        """Put what :meth:`read_mean` gives into ``target``, rgba32f of the same size. Raises KeyError."""
+        self.gpu.copy(self._means[name], target)
 
     def release(self) -> None:
         """Free everything."""

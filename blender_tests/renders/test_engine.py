@@ -72,6 +72,8 @@ script = Script()
 
 
 class StandInContext:
+    is_current = True
+
     @classmethod
     def attach(cls) -> StandInContext:
         if script.raise_in_attach:
@@ -107,6 +109,8 @@ class StandInFilm:
 
 
 class StandInPipeline:
+    warnings = ("voxelize: a warning of the pipeline",)
+
     def __init__(self, context: StandInContext) -> None:
         self.film = StandInFilm()
         script.pipelines += 1
@@ -131,7 +135,7 @@ class StandInPipeline:
         yield Progress(1.0, "Tile")
 
     def statistics(self) -> dict[str, Any]:
-        return {"voxels": [8, 8, 8], "memory": {"radiance": 2**20}, "warnings": ["voxelize: a warning of the pipeline"]}
+        return {"voxels": [8, 8, 8], "memory": {"radiance": 2**20}}
 
     def release(self) -> None:
         script.released += 1
@@ -142,7 +146,7 @@ class StandInReader:
         self.is_preview = is_preview
         script.readers += 1
 
-    def read(self, depsgraph: Any, resolution: tuple[int, int], check: Any) -> Any:
+    def read(self, depsgraph: Any, resolution: tuple[int, int], check: Any, **_: Any) -> Any:
         from addon.scene import CameraData, SceneData
 
         script.extractions += 1

@@ -3,67 +3,23 @@
 
 from __future__ import annotations
 
-import json
-import os
 import pathlib
-import shutil
-import subprocess
-import sys
 from typing import Any
 
 import numpy as np
 import pytest
 
 from blender_tests.pictures import read
+from blender_tests.window.starting import MARKS, WINDOW, drive
 
-ROOT = pathlib.Path(__file__).parents[2]
-DRIVER = pathlib.Path(__file__).with_name("drive_f12.py")
-WINDOW = ("--window-geometry", "0", "0", "1280", "800")
-BLENDER = os.environ.get("CONELIGHT_BLENDER_WINDOW", "")
+pytestmark = MARKS
 
-pytestmark = [
-    pytest.mark.skipif(not BLENDER, reason="CONELIGHT_BLENDER_WINDOW names no Blender: no test in a window"),
-    pytest.mark.skipif(not os.environ.get("DISPLAY"), reason="there is no display: no test in a window"),
-    pytest.mark.skipif(not shutil.which("xdotool"), reason="there is no xdotool: no test in a window"),
-    pytest.mark.slow,
-]
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    return tmp_path_factory.mktemp("window")
-
-
-@pytest.fixture(scope="module")
-def archive() -> str:
-    """The zip that users install."""
-    command = [sys.executable, str(ROOT / "scripts" / "build_extension")]
-    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=240).stdout.strip()
-
-
-def drive(case: str, archive: str, folder: pathlib.Path, *options: str) -> dict[str, Any]:
-    """What the driver measured. Fails when Blender crashed, hung, or wrote a traceback."""
-    resources = folder / f"resources_{case}"
-    resources.mkdir()
-    environ = {name: value for name, value in os.environ.items() if not name.startswith(("PYTHON", "BLENDER_"))}
-    command = [
-        BLENDER, "--factory-startup", *options, "--python", str(DRIVER), "--", case, archive, str(folder),
-    ]
-    result = subprocess.run(
-        command, env={**environ, "BLENDER_USER_RESOURCES": str(resources)}, capture_output=True, text=True,
-        timeout=400, check=False,
-    )
-    printed = result.stdout + result.stderr
-    assert result.returncode == 0, printed
-    assert "Traceback" not in printed, printed
-    measured = json.loads((folder / f"{case}.json").read_text(encoding="utf-8"))
-    assert "error" not in measured, measured["error"]
-    return measured
+DRIVER = "drive_f12.py"
 
 
 @pytest.fixture(scope="module")
 def f12(archive: str, folder: pathlib.Path) -> dict[str, Any]:
-    return drive("f12", archive, folder, *WINDOW, "--gpu-backend", "opengl")
+    return drive(DRIVER, "f12", archive, folder, *WINDOW, "--gpu-backend", "opengl")
 
 
 def test_f12_renders_and_says_how_far_it_is(f12: dict[str, Any]) -> None:
@@ -100,13 +56,13 @@ def test_other_engines_still_work(f12: dict[str, Any]) -> None:
 
 
 def test_the_window_and_background_agree(f12: dict[str, Any], archive: str, folder: pathlib.Path) -> None:
-    assert drive("background", archive, folder, "--background")["error_of_first"] is None
+    assert drive(DRIVER, "background", archive, folder, "--background")["error_of_first"] is None
     first, background = read(folder / "f12_first.exr"), read(folder / "background_first.exr")
     assert np.abs(first - background)[..., :3].mean() < 1e-3 * first[..., :3].mean()
 
 
 def test_f12_without_gl_in_blender(archive: str, folder: pathlib.Path) -> None:
-    measured = drive("vulkan", archive, folder, *WINDOW, "--gpu-backend", "vulkan")
+    measured = drive(DRIVER, "vulkan", archive, folder, *WINDOW, "--gpu-backend", "vulkan")
     if measured["backend"] != "VULKAN":
         pytest.skip("this Blender does not start with Vulkan here")
     assert measured["first"] == "render_complete" and measured["error_of_first"] is None
@@ -114,7 +70,8 @@ def test_f12_without_gl_in_blender(archive: str, folder: pathlib.Path) -> None:
 
 
 def test_gl_that_is_too_old_is_said(archive: str, folder: pathlib.Path) -> None:
-    measured = drive("old_gl", archive, folder, *WINDOW, "--gpu-backend", "vulkan")
+    measured = drive(DRIVER, "old_gl", archive, folder, *WINDOW, "--gpu-backend", "vulkan")
     if measured["backend"] != "VULKAN":
         pytest.skip("this Blender does not start with Vulkan here")
     assert "OpenGL 4.3" in measured["error_of_first"] and "driver" in measured["error_of_first"]
+    assert measured["problems"] == [measured["error_of_first"]], "a viewport says the same"

@@ -177,8 +177,9 @@ class _Flags:
 class _FlagTable:
     """Who sees objects, each object looked at once."""
 
-    def __init__(self, depsgraph: bpy.types.Depsgraph) -> None:
+    def __init__(self, depsgraph: bpy.types.Depsgraph, viewport: bpy.types.SpaceView3D | None) -> None:
         self._view_layer = depsgraph.view_layer_eval
+        self._viewport = viewport
         # Evaluated copies have no session_uid and instances have no address that lasts: originals tell objects apart.
         self._flags: dict[tuple[int, bool], _Flags] = {}
 
@@ -197,13 +198,18 @@ class _FlagTable:
     def _of(self, obj: bpy.types.Object, is_placed: bool) -> _Flags:
         key = (obj.original.session_uid, is_placed)
         if key not in self._flags:
-            self._flags[key] = _flags(obj, self._view_layer if is_placed else None)
+            flags = _flags(obj, self._view_layer if is_placed else None)
+            if is_placed and self._viewport is not None and not obj.visible_in_viewport_get(self._viewport):
+                flags = replace(flags, visibility=RayVisibility(0))
+            self._flags[key] = flags
         return self._flags[key]
 
 
-def extract_lights(depsgraph: bpy.types.Depsgraph, warnings: list[str]) -> list[LightData]:
-    """All lights that the depsgraph shows in its mode (render or viewport)."""
-    flags = _FlagTable(depsgraph)
+def extract_lights(
+    depsgraph: bpy.types.Depsgraph, warnings: list[str], viewport: bpy.types.SpaceView3D | None = None
+) -> list[LightData]:
+    """All lights that the depsgraph shows in its mode (render or viewport), and the ``viewport`` if there is one."""
+    flags = _FlagTable(depsgraph, viewport)
     lights: list[LightData] = []
     skipped: Counter[tuple[str, str]] = Counter()
     for item in depsgraph.object_instances:
@@ -230,13 +236,14 @@ def extract_instances(
     meshes: MeshTable,
     warnings: list[str],
     check: Callable[[], None],
+    viewport: bpy.types.SpaceView3D | None = None,
 ) -> list[InstanceData]:
     """All placements of meshes that the depsgraph shows in its mode (render or viewport); fills both tables.
 
-    ``check`` is called now and then, and may raise.
+    ``viewport``: only what it shows. ``check`` is called now and then, and may raise.
     """
     override = depsgraph.view_layer_eval.material_override
-    flags = _FlagTable(depsgraph)
+    flags = _FlagTable(depsgraph, viewport)
     instances: list[InstanceData] = []
     parts: dict[tuple[int, int], _Part] = {}
     skipped: Counter[tuple[str, str]] = Counter()

@@ -10,7 +10,7 @@ from typing import Any
 import bpy
 
 from ...materials.graph import MaterialData, WorldData
-from ...scene import SceneData
+from ...scene import CameraData, SceneData
 from ..changes import EVERYTHING, Change, Changes, changes_in
 from .camera import ExtractionError, extract_camera
 from .image import ImageReader
@@ -48,39 +48,49 @@ class SceneReader:
         depsgraph: bpy.types.Depsgraph,
         resolution: tuple[int, int],
         check: Callable[[], None] = lambda: None,
+        *,
+        camera: CameraData | None = None,
+        viewport: bpy.types.SpaceView3D | None = None,
     ) -> SceneData:
         """The scene as the depsgraph shows it. To be called each time that the depsgraph has been evaluated.
 
         ``resolution``: size of the whole frame in pixels (width, height), before any cropping to the render region.
-        ``check`` is called now and then, and may raise to end the reading. Raises ExtractionError when there is no
-        usable camera.
+        ``check`` is called now and then, and may raise to end the reading. ``camera`` takes the place of the scene's;
+        without it raises ExtractionError when there is no usable one. ``viewport``: what its local view and local
+        collections hide is left out.
         """
         try:
-            return self._read(depsgraph, resolution, check)
+            return self._read(depsgraph, resolution, check, camera, viewport)
         except BaseException:
             self.forget()
             raise
 
     def _read(
-        self, depsgraph: bpy.types.Depsgraph, resolution: tuple[int, int], check: Callable[[], None]
+        self,
+        depsgraph: bpy.types.Depsgraph,
+        resolution: tuple[int, int],
+        check: Callable[[], None],
+        camera: CameraData | None,
+        viewport: bpy.types.SpaceView3D | None,
     ) -> SceneData:
         scene, view_layer = depsgraph.scene_eval, depsgraph.view_layer_eval
         world = view_layer.world_override or scene.world
-        changes = self._changes(depsgraph, world)
+        changes = self._changes(depsgraph, world, viewport)
         kinds, old = changes.kinds, self._scene
 
-        camera = extract_camera(depsgraph, resolution, self._warnings_of(Change.CAMERA))  # it costs nothing
+        if camera is None:
+            camera = extract_camera(depsgraph, resolution, self._warnings_of(Change.CAMERA))  # it costs nothing
         if old is None or kinds & (Change.GEOMETRY | Change.MATERIAL):
             self._materials.begin(is_current=not kinds & Change.MATERIAL, check=check)
             self._meshes.begin(changes.shapes)
             warnings = self._warnings_of(Change.GEOMETRY)
-            instances = tuple(extract_instances(depsgraph, self._materials, self._meshes, warnings, check))
+            instances = tuple(extract_instances(depsgraph, self._materials, self._meshes, warnings, check, viewport))
             self._meshes.end()
             self._warnings[Change.MATERIAL] = self._materials.warnings
         else:
             instances = old.instances
         if old is None or kinds & Change.LIGHT:
-            lights = tuple(extract_lights(depsgraph, self._warnings_of(Change.LIGHT)))
+            lights = tuple(extract_lights(depsgraph, self._warnings_of(Change.LIGHT), viewport))
         else:
             lights = old.lights
         if old is None or kinds & Change.WORLD:
@@ -104,7 +114,12 @@ class SceneReader:
         self._scene = _kept_scene(new, old)
         return self._scene
 
-    def _changes(self, depsgraph: bpy.types.Depsgraph, world: bpy.types.World | None) -> Changes:
+    def _changes(
+        self,
+        depsgraph: bpy.types.Depsgraph,
+        world: bpy.types.World | None,
+        viewport: bpy.types.SpaceView3D | None,
+    ) -> Changes:
         """What has to be read: what the depsgraph reports, and what it does not although it shows in the scene."""
         view_layer = depsgraph.view_layer
         source = (depsgraph.as_pointer(), depsgraph.mode, depsgraph.scene.session_uid, view_layer.name)
@@ -112,6 +127,7 @@ class SceneReader:
         kinds = changes.kinds
         unreported = {
             Change.GEOMETRY: _uid(view_layer.material_override),
+            Change.GEOMETRY | Change.LIGHT: _visibility_in(viewport),
             Change.WORLD: _uid(world),
         }
         for kind, state in unreported.items():
@@ -140,6 +156,13 @@ def _kept_scene(new: SceneData, old: SceneData | None) -> SceneData:
         return new
     parts = {field.name: kept(getattr(new, field.name), getattr(old, field.name)) for field in fields(SceneData)}
     return old if all(part is getattr(old, name) for name, part in parts.items()) else SceneData(**parts)
+
+
+def _visibility_in(viewport: bpy.types.SpaceView3D | None) -> tuple[bool, bool]:
+    """What a viewport may hide on its own."""
+    return viewport is not None and viewport.local_view is not None, (
+        viewport is not None and viewport.use_local_collections
+    )
 
 
 def _uid(data: bpy.types.ID | None) -> int:

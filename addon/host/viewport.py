@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A rendered viewport: what changed -> pipeline -> picture. One for each engine object that draws one.
+
+The same on all backends but for two things: where slices of work run (the session's thread), and how pictures reach the
+region (display.py).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import re
+import time
+import weakref
+from concurrent.futures import Future, wait
+from typing import Any
+
+from ..progressive import Progressive, Status, Target
+from . import session
+from .backend import viewport_has_own_context
+from .display import Display, SharedDisplay, UploadedDisplay
+from .session import Session
+
+#: Frames per second that are aimed at while something moves, where the setting says 0.
+FPS_GPU, FPS_CPU = 30, 5
+
+#: Names of OpenGL drivers that draw on the CPU.
+_SOFTWARE = re.compile("llvmpipe|softpipe|lavapipe|swrast|swiftshader|software", re.IGNORECASE)
+
+#: Viewports there are, for panels and tests.
+viewports: weakref.WeakSet[Viewport] = weakref.WeakSet()
+
+_log = logging.getLogger(__name__)
+
+
+def problems() -> list[str]:
+    """Why viewports show no picture, each sentence once."""
+    return list(dict.fromkeys(viewport.problem for viewport in viewports if viewport.problem))
+
+
+def warnings() -> list[str]:
+    """What viewports cannot show as asked, by name, each once."""
+    return list(dict.fromkeys(text for viewport in viewports for text in viewport.session.warnings))
+
+
+def frame_seconds(fps: int, renderer: str) -> float:
+    """How long one frame may take while something moves. ``fps``: as the setting has it."""
+    return 1.0 / (fps or (FPS_CPU if not renderer or _SOFTWARE.search(renderer) else FPS_GPU))
+
+
+class Viewport:
+    """Reads the scene when it changes, and draws as much as there is time for."""
+
+    def __init__(self) -> None:
+        self.problem: str | None = None  # why there is no picture, in one sentence
+        self.draws = 0
+        self.session = Session(own_context=viewport_has_own_context())
+        self._display: Display | None = None
+        self._progressive: Progressive | None = None
+        self._view: Any = None
+        self._scene: Any = None
+        self._seen: tuple[Any, ...] = ()  # what the target was made from: by identity the scene and the view
+        self._target: Target | None = None
+        self._slice: Future[None] | None = None  # at work
+        self._status = Status("", False)
+        self._reported: Target | None = None  # whose status that is
+        self._facts = ""
+        self._renderer = ""
+        self._draw_ms = 0.0
+        viewports.add(self)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether nothing more is to be done until something changes."""
+        if self.problem is not None:
+            return True
+        if self._slice is not None:
+            return False
+        return self._target is None or (self._reported is self._target and self._status.is_done)
+
+    @property
+    def is_lit(self) -> bool:
+        """Whether there is a picture."""
+        return self._progressive is not None and self._progressive.shown_samples > 0
+
+    @property
+    def statistics(self) -> dict[str, Any]:
+        """Of the picture: as the pipeline tells them, with the size that is shown."""
+        return self._progressive.pipeline.statistics() if self._progressive is not None else {}
+
+    def update(self, context: Any, depsgraph: Any) -> None:
+        """The scene changed, or is seen for the first time. Touches no graphics. Raises nothing."""
+        from .extract.view import extract_view
+
+        try:
+            view = extract_view(context.region, context.region_data, context.space_data, depsgraph.scene)
+            size = (context.region.width, context.region.height)
+            self.session.synchronize(depsgraph, size, camera=view.camera, viewport=context.space_data)
+            self.problem = None
+        except Exception as error:
+            self._fail(error)
+
+    def draw(self, context: Any, depsgraph: Any, pixel_size: int) -> str:
+        """Works for about one frame's time, and draws the best picture there is. Returns a line about it.
+
+        ``pixel_size``: pixels of the region that one of the picture covers, along each side. Raises nothing.
+        """
+        start = time.perf_counter()
+        self.draws += 1
+        try:
+            self._aim(context, depsgraph, pixel_size)
+            self._work()
+        except Exception as error:
+            self._fail(error)
+        try:
+            if self._display is not None and self._view is not None:
+                self._display.draw(self._view.box)
+        except Exception as error:
+            self._fail(error)
+        self._draw_ms = 1e3 * (time.perf_counter() - start)
+        return self.problem or self._describe()
+
+    def _aim(self, context: Any, depsgraph: Any, pixel_size: int) -> None:
+        """Makes a new target when there is something else to be seen."""
+        from .extract.view import extract_view, picture_size
+
+        view = extract_view(context.region, context.region_data, context.space_data, depsgraph.scene)
+        scene = self.session.scene
+        if scene is None:
+            return  # it could not be read
+        view = self._view if view.is_same(self._view) else view
+        seen = (id(scene), id(view), pixel_size, self.session.settings)
+        if self._seen == seen:
+            return
+        self._view, self._scene, self._seen = view, scene, seen
+        settings = self.session.settings
+        output = settings.viewport_pass.lower()
+        settings = dataclasses.replace(settings, samples=settings.viewport_samples)
+        scene = dataclasses.replace(scene, camera=view.camera)
+        self._target, self.problem = Target(scene, settings, picture_size(view.box, pixel_size), output), None
+
+    def _work(self) -> None:
+        """Lets a slice of work run, and waits for it as long as a frame may take."""
+        target = self._target
+        if target is None or self.problem is not None or self.is_done:
+            return
+        seconds = frame_seconds(target.settings.viewport_fps, self._renderer)
+        if self._slice is None:
+            self._slice = self.session.thread.start(lambda: self._run(target, seconds))
+        wait([self._slice], seconds)
+        if self._slice.done():
+            done, self._slice = self._slice, None
+            done.result()
+
+    def _run(self, target: Target, seconds: float) -> None:
+        """One slice of work, in the context of the pipeline."""
+        with self.session.pipeline() as pipeline:
+            if self._progressive is None or self._progressive.pipeline is not pipeline:
+                self._progressive = Progressive(pipeline)
+                self._display = UploadedDisplay() if self.session.thread.own else SharedDisplay(pipeline.gpu)
+                self._renderer = pipeline.gpu.renderer
+            assert self._display is not None
+            if self._progressive.work(target, seconds):
+                self._display.keep(pipeline.film, self._progressive.output)
+            self._status, self._reported = self._progressive.status(target), target
+            self._facts = _facts(pipeline)
+
+    def _fail(self, error: Exception) -> None:
+        """Keeps what to tell the user. Nothing is tried again until something changes."""
+        if not session.is_expected(error):
+            _log.error("Conelight: unexpected error in a viewport", exc_info=error)
+        self.problem = session.sentence(error)
+        self._slice = None
+
+    def _describe(self) -> str:
+        """State, samples, voxels, memory and time in one line."""
+        return " | ".join(part for part in (self._status.text, self._facts, f"{self._draw_ms:.0f} ms") if part)
+
+
+def _facts(pipeline: Any) -> str:
+    """Voxels and memory of a pipeline."""
+    memory = f"{sum(pipeline.gpu.memory.values()) / 2**20:.0f} MiB"
+    if pipeline.grid is None:
+        return memory
+    return " x ".join(map(str, pipeline.grid.size)) + f" voxels | {memory}"

@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A viewport without a window: what it works on and what it says, with stand-ins for the renderer and for Blender."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import time
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from addon.scene import CameraData, SceneData
+from addon.settings import Settings
+
+bpy = pytest.importorskip("bpy")
+
+pytestmark = pytest.mark.usefixtures("empty_scene")
+
+
+class StandInPipeline:
+    """Each step takes ``seconds``; a picture is all of one number, that of the preparation."""
+
+    grid = None
+    warnings = ()
+
+    def __init__(self) -> None:
+        self.gpu = SimpleNamespace(renderer="llvmpipe", memory={"film": 2**20})
+        self.film = SimpleNamespace(samples=0, is_converged=False)
+        self.prepared: list[SceneData] = []
+        self.seconds = 0.0
+        self.error: Exception | None = None
+
+    def want(self, names: set[str]) -> None:
+        self.wanted = names
+
+    def prepare(
+        self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool
+    ) -> Iterator[Any]:
+        self.prepared.append(scene)
+        self.film.samples = 0
+        if self.error is not None:
+            raise self.error
+        yield SimpleNamespace(text="Voxelizing")
+
+    def sample(self) -> Iterator[Any]:
+        time.sleep(self.seconds)
+        self.film.samples += 1
+        yield SimpleNamespace(text="Surfaces")
+
+
+class StandInSession:
+    """What there is to see is set by the tests."""
+
+    def __init__(self, *, own_context: bool) -> None:
+        from addon.host.backend import ContextThread
+
+        self.thread = ContextThread(own=own_context)
+        self.settings = Settings(viewport_samples=3)
+        self.scene: SceneData | None = None
+        self.stand_in = StandInPipeline()
+        self.next_scene = SceneData((), (), (), (), None, CameraData(np.eye(4), np.eye(4)))
+        self.error: Exception | None = None
+
+    def synchronize(self, depsgraph: Any, resolution: tuple[int, int], **_: Any) -> None:
+        self.scene = None
+        if self.error is not None:
+            raise self.error
+        self.scene = self.next_scene
+
+    @contextlib.contextmanager
+    def pipeline(self) -> Iterator[Any]:
+        yield self.stand_in
+
+
+class StandInDisplay:
+    def __init__(self, *_: Any) -> None:
+        self.kept = 0
+        self.drawn: list[tuple[int, ...]] = []
+
+    def keep(self, film: Any, name: str) -> None:
+        self.name = name
+        self.kept += 1
+
+    def draw(self, box: tuple[int, ...]) -> None:
+        self.drawn.append(box)
+
+
+class Window:
+    """A viewport and the region that it is in."""
+
+    def __init__(self) -> None:
+        from addon.host.viewport import Viewport
+
+        self.viewport = Viewport()
+        self.depsgraph = SimpleNamespace(scene=bpy.context.scene)
+        data = SimpleNamespace(window_matrix=np.eye(4), view_matrix=np.eye(4), view_perspective="PERSP")
+        data.window_matrix[2:, 2:] = [[-1, -0.2], [-1, 0]]
+        space = SimpleNamespace(use_render_border=False)
+        self.context = SimpleNamespace(
+            region=SimpleNamespace(width=40, height=20), region_data=data, space_data=space
+        )
+        self.pixel_size = 1
+
+    @property
+    def session(self) -> Any:
+        return self.viewport.session
+
+    @property
+    def prepared(self) -> list[SceneData]:
+        return self.session.stand_in.prepared
+
+    def change(self, **parts: Any) -> None:
+        self.session.next_scene = dataclasses.replace(self.session.next_scene, **parts)
+        self.viewport.update(self.context, self.depsgraph)
+
+    def draw(self) -> str:
+        return self.viewport.draw(self.context, self.depsgraph, self.pixel_size)
+
+    def finish(self) -> int:
+        for draws in range(100):
+            if self.viewport.is_done:
+                return draws
+            self.draw()
+        raise AssertionError("never done")
+
+
+@pytest.fixture(params=[False, True], ids=["shared", "own"])
+def window(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Window]:
+    from addon.host import viewport
+
+    monkeypatch.setattr(viewport, "Session", StandInSession)
+    monkeypatch.setattr(viewport, "SharedDisplay", StandInDisplay)
+    monkeypatch.setattr(viewport, "UploadedDisplay", StandInDisplay)
+    monkeypatch.setattr(viewport, "viewport_has_own_context", lambda: request.param)
+    made = Window()
+    yield made
+    made.session.thread.end()
+
+
+def test_from_the_first_draw_to_the_last(window: Window) -> None:
+    window.change()
+    assert window.draw()
+    window.finish()
+    assert window.draw().startswith("Sample 3/3 | 1 MiB | ")
+    display = window.viewport._display
+    assert isinstance(display, StandInDisplay) and display.kept >= 2 and display.drawn[-1] == (0, 0, 40, 20)
+    count = len(window.prepared)
+    window.viewport.update(window.context, window.depsgraph)  # something that is not in the picture
+    window.draw()
+    assert window.viewport.is_done and len(window.prepared) == count
+
+
+def test_a_moved_view_is_another_picture_of_the_same_scene(window: Window) -> None:
+    window.change()
+    window.draw()
+    window.finish()
+    window.context.region_data.view_matrix[0, 3] = 1.0
+    window.draw()
+    window.finish()
+    first, last = window.prepared[0], window.prepared[-1]
+    assert last.camera.world_from_camera[0, 3] == -1.0 and last.meshes is first.meshes
+
+
+@pytest.mark.parametrize("change", ["region", "pixel_size", "settings", "scene"])
+def test_whatever_is_seen_begins_anew(window: Window, change: str) -> None:
+    window.change()
+    window.draw()
+    window.finish()
+    count = len(window.prepared)
+    if change == "region":
+        window.context.region.width = 80
+    elif change == "pixel_size":
+        window.pixel_size = 4
+    elif change == "settings":
+        window.session.settings = dataclasses.replace(window.session.settings, bounces=1)
+    else:
+        window.change(film_transparent=True)
+    window.draw()
+    window.finish()
+    assert len(window.prepared) > count
+
+
+def test_every_pass_that_can_be_chosen_is_an_output(window: Window) -> None:
+    from addon.passes.compose import OUTPUTS
+
+    for name, _, _ in Settings.declarations()["viewport_pass"].choices:
+        window.session.settings = dataclasses.replace(window.session.settings, viewport_pass=name)
+        window.change()
+        window.draw()
+        window.finish()
+        assert window.session.stand_in.wanted <= set(OUTPUTS)
+        assert {window.viewport._display.name} == window.session.stand_in.wanted
+
+
+def test_errors_are_said_and_not_raised(window: Window) -> None:
+    from addon.host.viewport import problems
+
+    window.session.error = ValueError("odd data")
+    window.change()
+    assert "odd data" in window.draw() and window.viewport.is_done
+    assert any("odd data" in text for text in problems())
+    window.session.error = None
+    window.session.stand_in.error = MemoryError("lower the voxel resolution")
+    window.change()
+    window.draw()
+    window.finish()
+    text = window.draw()
+    assert text == "lower the voxel resolution"
+    count = len(window.prepared)
+    assert window.draw() == text and len(window.prepared) == count, "it is not tried again and again"
+    window.session.stand_in.error = None
+    window.change(film_transparent=True)
+    window.draw()
+    window.finish()
+    assert "3/3" in window.draw()
+
+
+def test_a_display_that_fails_is_said(window: Window, monkeypatch: pytest.MonkeyPatch) -> None:
+    window.change()
+    window.draw()
+    window.finish()
+
+    def fail(*_: Any) -> None:
+        raise RuntimeError("no framebuffer")
+
+    monkeypatch.setattr(StandInDisplay, "draw", fail)
+    assert "no framebuffer" in window.draw() and window.viewport.is_done
+
+
+def test_blender_does_not_wait_for_a_thread_of_ours(window: Window) -> None:
+    if not window.session.thread.own:
+        pytest.skip("without a thread of its own a step is waited for")
+    window.session.stand_in.seconds = 1.0
+    window.change()
+    start = time.perf_counter()
+    window.draw()
+    assert time.perf_counter() - start < 0.7 and not window.viewport.is_done
+
+
+def test_frame_rates() -> None:
+    from addon.host.viewport import frame_seconds
+
+    assert frame_seconds(0, "NVIDIA H100") == pytest.approx(1 / 30)
+    for renderer in ("llvmpipe (LLVM 15.0.6, 256 bits)", "softpipe", "Mesa Lavapipe", "swrast", ""):
+        assert frame_seconds(0, renderer) == pytest.approx(1 / 5)
+    assert frame_seconds(60, "llvmpipe") == pytest.approx(1 / 60)

@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The viewport in a Blender with a window: what drive_viewport.py measured there, on both of Blender's backends."""
+
+from __future__ import annotations
+
+import pathlib
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blender_tests.pictures import read
+from blender_tests.window.starting import MARKS, SMALL_WINDOW, drive
+
+pytestmark = MARKS
+
+DRIVER = "drive_viewport.py"
+
+#: Passes that make voxels and light in them: whatever is not needed for another view.
+VOXEL_PASSES = {"materials", "geometry", "emitters", "voxelize", "link", "inject", "bounce", "cones"}
+
+
+@pytest.fixture(scope="module", params=["opengl", "vulkan"])
+def viewport(request: pytest.FixtureRequest, archive: str, folder: pathlib.Path) -> dict[str, Any]:
+    backend = request.param
+    measured = drive(DRIVER, f"viewport_{backend}", archive, folder, *SMALL_WINDOW, "--gpu-backend", backend)
+    if measured["backend"] != backend.upper():
+        pytest.skip(f"this Blender does not start with {backend} here")
+    return measured
+
+
+def film(viewport: dict[str, Any], folder: pathlib.Path, name: str) -> np.ndarray:
+    """(H, W, 3) scene-linear, row 0 at the top."""
+    return np.load(folder / f"{viewport['case']}_{name}.npy")[::-1, :, :3]
+
+
+def screen(viewport: dict[str, Any], folder: pathlib.Path, name: str) -> np.ndarray:
+    """(H, W, 3) what the region shows, 0..1."""
+    left, bottom, width, height = viewport["region"]
+    picture = read(folder / f"{viewport['case']}_{name}.png")[..., :3]
+    top = picture.shape[0] - bottom - height
+    return picture[top : top + height, left : left + width]
+
+
+def passes(viewport: dict[str, Any], edit: str) -> set[str]:
+    return set(viewport["viewport"][edit]["passes"])
+
+
+def test_there_is_never_a_problem(viewport: dict[str, Any]) -> None:
+    assert all(found["problem"] == [None] for found in viewport["viewport"].values())
+
+
+def test_a_done_viewport_is_f12(viewport: dict[str, Any], folder: pathlib.Path) -> None:
+    assert viewport["error_of_f12"] is None
+    reference = read(folder / f"{viewport['case']}_f12.exr")[..., :3]
+    found = film(viewport, folder, "camera")
+    assert ((found - reference) ** 2 / (reference**2 + 0.01 * reference.mean() ** 2)).mean() < 1e-5, "the same passes"
+
+
+def test_colours_are_those_of_f12(viewport: dict[str, Any], folder: pathlib.Path) -> None:
+    reference = read(folder / f"{viewport['case']}_f12.png")[..., :3]
+    assert np.abs(screen(viewport, folder, "camera") - reference).mean() < 2 / 255
+
+
+def test_another_view_redoes_nothing_with_voxels(viewport: dict[str, Any]) -> None:
+    assert "surface" in passes(viewport, "orbit") and not VOXEL_PASSES & passes(viewport, "orbit")
+
+
+def test_nothing_is_done_for_nothing(viewport: dict[str, Any]) -> None:
+    assert not passes(viewport, "select")
+    assert viewport["draws_at_rest"] <= 1
+
+
+def test_edits_redo_what_follows_from_them(viewport: dict[str, Any]) -> None:
+    redone = {name: VOXEL_PASSES & passes(viewport, name) for name in viewport["viewport"]}
+    assert redone["light"] == {"inject", "bounce"}
+    assert "link" in redone["world"] and not {"geometry", "voxelize", "materials"} & redone["world"]
+    assert {"materials", "voxelize"} <= redone["material"]
+    assert {"geometry", "voxelize"} <= redone["move"] and "materials" not in redone["move"]
+    assert not redone["settings"], "reflections at pixels are no matter of voxels"
+
+
+def test_edits_are_seen(viewport: dict[str, Any], folder: pathlib.Path) -> None:
+    assert not VOXEL_PASSES & passes(viewport, "normals")
+    names = ("select", "light", "material", "move", "world", "settings", "orbit")
+    pictures = [film(viewport, folder, name) for name in names]
+    for name, before, after in zip(names[1:], pictures, pictures[1:], strict=False):
+        assert np.abs(after - before).mean() > 0.01 * before.mean(), name
+    assert np.isfinite(pictures).all()
+
+
+def test_leaving_frees_everything(viewport: dict[str, Any]) -> None:
+    assert viewport["viewports_left"] == 0
+    assert viewport["objects_left"] == [0, 0]
+
+
+def test_solid_view_is_drawn_as_before(viewport: dict[str, Any], folder: pathlib.Path) -> None:
+    before, after = (screen(viewport, folder, f"solid_{when}") for when in ("before", "after"))
+    assert np.array_equal(before, after)
+    assert before.std() > 0.01, "there is something to be seen"
+
+
+@pytest.fixture(scope="module", params=["opengl", "vulkan"])
+def life(request: pytest.FixtureRequest, archive: str, folder: pathlib.Path) -> dict[str, Any]:
+    measured = drive(DRIVER, f"life_{request.param}", archive, folder, *SMALL_WINDOW, "--gpu-backend", request.param)
+    if measured["backend"] != request.param.upper():
+        pytest.skip(f"this Blender does not start with {request.param} here")
+    return measured
+
+
+def test_a_viewport_survives_what_is_around_it(life: dict[str, Any]) -> None:
+    assert all(set(found["problem"]) == {None} for found in life["viewport"].values())
+    assert life["error_of_f12"] is None
+    assert life["four_views"] == 4
+
+
+def test_none_stays_behind(life: dict[str, Any]) -> None:
+    assert life["left_when_disabled"] == life["left_after_load"] == life["viewports_left"] == 0
+    assert set(life["objects_left"]) == {0}
+    first, *_, last = life["memory"]
+    assert last - first < 2**24, "entering and leaving again and again takes no memory"
+
+
+def test_what_a_view_hides_is_not_there(life: dict[str, Any], folder: pathlib.Path) -> None:
+    shown, hidden = film(life, folder, "no_local_view"), film(life, folder, "local_view")
+    assert np.abs(shown - hidden).mean() > 0.1 * shown.mean()
+    alpha = np.load(folder / f"{life['case']}_transparent.npy")[..., 3]
+    assert alpha.min() == 0.0 and alpha.max() == 1.0
+
+
+def test_parts_and_large_pixels_are_less_work(life: dict[str, Any]) -> None:
+    size = {name: found["statistics"]["resolution"] for name, found in life["viewport"].items()}
+    width, height = size["start"]
+    assert size["border"] == [round(0.75 * width) - round(0.25 * width), round(0.6 * height) - round(0.2 * height)]
+    assert size["large_pixels"] == [-(-width // 4), -(-height // 4)]
+
+
+@pytest.mark.parametrize("backend", ["opengl", "vulkan"])
+def test_a_minute_of_random_edits(backend: str, archive: str, folder: pathlib.Path) -> None:
+    measured = drive(DRIVER, f"random_{backend}", archive, folder, *SMALL_WINDOW, "--gpu-backend", backend)
+    if measured["backend"] != backend.upper():
+        pytest.skip(f"this Blender does not start with {backend} here")
+    assert all(set(found["problem"]) == {None} for found in measured["viewport"].values())
+    assert measured["objects_left"] == [0] and measured["viewports_left"] == 0
+    assert len(measured["edits"]) > 5, "there were edits of many kinds"
