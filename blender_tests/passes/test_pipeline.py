@@ -206,7 +206,7 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "direct", "gather", "reconstruct", "film",
     }  # fmt: skip
     assert programs == {
-        "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_resolve",
+        "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_cut", "voxel_resolve",
         "inject", "link", "bounce", "pixel_bins", "surface", "light_shapes", "direct", "gather",
         "reconstruct", "compose", "film",
     }  # fmt: skip
@@ -225,7 +225,7 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
 def test_empty_scene_needs_only_this(gpu: GpuContext) -> None:
     features, passes, programs, memory = report(gpu, scenes.scene(), scenes.settings(16))
     assert features.names == []
-    assert programs <= {"clear", "work", "voxel_count", "voxel_resolve", "compose", "film"}
+    assert programs <= {"clear", "work", "voxel_count", "voxel_cut", "voxel_resolve", "compose", "film"}
     assert "direct light" not in memory and "indirect light" not in memory and "face radiance" not in memory
     assert "link" not in passes and "gather" not in passes and "bounce" not in passes
 

@@ -31,6 +31,17 @@ layout(binding = IMG_1, rgba32f) writeonly uniform image2D straight_img;
 uniform uint link_count;  // a multiple of four
 uniform uint random_seed;
 
+// Neighbouring faces of a plane share the hemisphere evenly.
+uvec2 direction_shift(Site site)
+{
+    ivec3 cell = ivec3(floor(site.origin));
+    int axis = dominant_axis(site.normal);
+    uint facing = uint(2 * axis) + (site.normal[axis] < 0.0 ? 1u : 0u);
+    uint layer = uint(axis == 0 ? cell.x : (axis == 1 ? cell.y : cell.z));
+    ivec2 at = axis == 0 ? cell.yz : (axis == 1 ? cell.zx : cell.xy);
+    return pixel_shift(at, hash(6u * layer + facing, random_seed));
+}
+
 void main()
 {
     Site site = site_of_thread();
@@ -38,10 +49,11 @@ void main()
         return;
     }
     uint seed = hash(site.face, random_seed);
+    uvec2 shift = direction_shift(site);
     uvec4 links;
     vec3 straight = vec3(0.0);
     for (uint k = 0u; k < link_count; ++k) {
-        vec3 direction = sample_cosine(site.shading_normal, sample_2d(k, seed));
+        vec3 direction = sample_cosine(site.shading_normal, sample_2d(k, shift));
         bool leaves = leaves_surface(site, direction);
         Hit hit = trace(site.origin, direction, leaves ? 1e30 : -1.0, RAY_DIFFUSE, false, hash(seed, k));
         uint link = NONE_INDEX;
