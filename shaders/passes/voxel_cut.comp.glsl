@@ -20,6 +20,8 @@ uniform uint cell_count;
 
 // Areas in sides of cells. What is smaller is not worth faces of its own.
 const float LEAST_AREA = 0.3;
+// And on a side of a cell that is cut anyway.
+const float SIDE_AREA = 0.1;
 // A wall, whose plane is noted though nothing lies behind it.
 const float WALL_AREA = 0.25;
 
@@ -144,7 +146,7 @@ void main()
     }
     uint facings = 0u;
     for (int a = 0; a < 3; ++a) {
-        uint least = min(uint(LEAST_AREA * FIXED_ONE), max(near[a], far[a]));
+        uint least = min(uint(SIDE_AREA * FIXED_ONE), max(near[a], far[a]));
         uint sides = (near[a] >= least ? 3u : 0u) | (far[a] >= least ? 3u << 6 : 0u);
         sides = cut < 0 ? 3u : (near[a] == 0u && far[a] > 0u ? 3u << 6 : (far[a] == 0u ? 3u : sides));
         facings |= (axes >> a & 1u) != 0u ? sides << 2 * a : 0u;
