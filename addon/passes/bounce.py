@@ -19,6 +19,8 @@ from .world import WorldLight
 
 #: Rays in one dispatch: bounds how long a step takes, so that cancelling is quick.
 RAYS_PER_STEP = 1 << 17
+#: Links of a face in one dispatch. llvmpipe leaves a shader's loops after 65536 rounds: rays beyond would bring nothing.
+LINKS_PER_STEP = 16
 #: Bounces between two looks at how much has changed, and the change at which they stop.
 CHECK_EVERY = 4
 CONVERGED = 2e-4
@@ -65,8 +67,13 @@ class LinkPass:
             | world.defines
             | {"HAS_EMITTERS": emitters.count > 0, "WORLD_IS_DRAWN": world_drawn},
         )
-        step = max(interface.GROUP_SIZE, RAYS_PER_STEP // self.count)
-        for first in range(0, voxels.faces.count, step):
+        step = max(interface.GROUP_SIZE, RAYS_PER_STEP // min(self.count, LINKS_PER_STEP))
+        steps = [
+            (first, link)
+            for first in range(0, voxels.faces.count, step)
+            for link in range(0, self.count, LINKS_PER_STEP)
+        ]
+        for number, (first, link) in enumerate(steps, 1):
             with gpu.timed("link"):
                 voxels.bind(kernel)
                 world.bind(kernel)
@@ -78,12 +85,15 @@ class LinkPass:
                 voxels.faces.order.use(slot("TEX_FACE_ORDER"))
                 links.bind_to_image(slot("IMG_0"), read=False, write=True)
                 if self.straight is not None:
-                    self.straight.bind_to_image(slot("IMG_1"), read=False, write=True)
+                    self.straight.bind_to_image(slot("IMG_1"), read=True, write=True)
                 kernel.set(
-                    site_first=first, face_count=voxels.faces.count, link_count=self.count, random_seed=settings.seed
-                )
+                    site_first=first, face_count=voxels.faces.count, link_count=self.count, link_first=link,
+                    link_end=min(link + LINKS_PER_STEP, self.count), random_seed=settings.seed,
+                )  # fmt: skip
+                if link > 0:
+                    gpu.barrier()  # light is added to that of the links before
                 kernel.run_list(min(step, voxels.faces.count - first))
-            yield min(1.0, (first + step) / voxels.faces.count)
+            yield number / len(steps)
         gpu.barrier()  # bounces read links and light
 
     def release(self) -> None:

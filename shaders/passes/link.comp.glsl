@@ -25,10 +25,12 @@ layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
 #if HAS_WORLD || HAS_EMITTERS
-layout(binding = IMG_1, rgba32f) writeonly uniform image2D straight_img;
+layout(binding = IMG_1, rgba32f) uniform image2D straight_img;
 #endif
 
 uniform uint link_count;  // a multiple of four
+uniform uint link_first;  // of this dispatch, which makes the links before link_end; multiples of four too
+uniform uint link_end;
 uniform uint random_seed;
 
 // Neighbouring faces of a plane share the hemisphere evenly.
@@ -52,7 +54,7 @@ void main()
     uvec2 shift = direction_shift(site);
     uvec4 links;
     vec3 straight = vec3(0.0);
-    for (uint k = 0u; k < link_count; ++k) {
+    for (uint k = link_first; k < link_end; ++k) {
         vec3 direction = sample_cosine(site.shading_normal, sample_2d(k, shift));
         bool leaves = leaves_surface(site, direction);
         Hit hit = trace(site.origin, direction, leaves ? 1e30 : -1.0, RAY_DIFFUSE, false, hash(seed, k));
@@ -81,6 +83,10 @@ void main()
         }
     }
 #if HAS_WORLD || HAS_EMITTERS
-    imageStore(straight_img, list_texel(site.face), vec4(finite_or_zero(straight / float(link_count)), 0.0));
+    straight = finite_or_zero(straight / float(link_count));
+    if (link_first > 0u) {
+        straight += imageLoad(straight_img, list_texel(site.face)).rgb;
+    }
+    imageStore(straight_img, list_texel(site.face), vec4(straight, 0.0));
 #endif
 }
