@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,11 +20,13 @@ from .world import WorldLight
 
 #: Rays in one dispatch: bounds how long a step takes, so that cancelling is quick.
 RAYS_PER_STEP = 1 << 17
-#: Links of a face in one dispatch. llvmpipe leaves a shader's loops after 65536 rounds: rays beyond would bring nothing.
+#: Links of a face in one dispatch: llvmpipe ends the loops of a work group after so many rounds that rays beyond this,
+#: in cells with a thousand triangles, would bring nothing.
 LINKS_PER_STEP = 16
-#: Bounces between two looks at how much has changed, and the change at which they stop.
+#: Bounces between two looks at how much has changed, and the share of all light that it is when they stop: what further
+#: ones would bring is added at once.
 CHECK_EVERY = 4
-CONVERGED = 2e-4
+CONVERGED = 1e-3
 
 
 def link_count(settings: Settings) -> int:
@@ -123,7 +126,7 @@ class BouncePass:
         self.bounces = 0
         with self.gpu.timed("bounce"):
             self._pass(voxels, irradiance, links, self.radiance[0], first=True)
-        before = None
+        total, change = math.inf, math.inf  # of radiance, and since the last look
         while links and self.bounces < settings.bounces:
             with self.gpu.timed("bounce"):
                 self._pass(voxels, irradiance, links, self.radiance[1], first=False)
@@ -132,10 +135,22 @@ class BouncePass:
                 if self.bounces % CHECK_EVERY == 0 and self.bounces < settings.bounces:
                     values = np.frombuffer(self.radiance[0].read(), np.float32)[: 4 * voxels.faces.count]
                     after = float(values.sum(dtype=np.float64))  # what follows in the texture's last row is undefined
-                    if before is not None and abs(after - before) <= CONVERGED * abs(after):
+                    change_before, change = change, abs(after - total)
+                    total = after
+                    if change <= CONVERGED * abs(after):
+                        share = (change / change_before) ** (1.0 / CHECK_EVERY) if change < change_before else 0.0
+                        self._add_rest(voxels, share)
                         return
-                    before = after
             yield self.bounces / settings.bounces
+
+    def _add_rest(self, voxels: Voxels, share: float) -> None:
+        """Add what further bounces would bring, each ``share`` (less than 1) of the one before."""
+        self.radiance[0].use(interface.slot("TEX_FACE_RADIANCE"))
+        self.radiance[1].bind_to_image(interface.slot("IMG_0"), read=True, write=True)
+        kernel = self.gpu.kernel("bounce_rest").set(face_count=voxels.faces.count, rest=share / (1.0 - share))
+        kernel.run_list(voxels.faces.count)
+        self.radiance.reverse()
+        self.gpu.barrier()  # the gather reads it
 
     def _pass(
         self,

@@ -77,6 +77,18 @@ def test_closed_box(albedo: float, gpu: GpuContext) -> None:
             assert inside.sum() > 1000
 
 
+@pytest.mark.parametrize("albedo", [0.5, 0.95])
+def test_bounces_that_are_not_made(albedo: float, gpu: GpuContext) -> None:
+    """Bounces stop when little changes, and what is left is added: within .05 % of all that there is."""
+    made = scenes.scene((scenes.box(inside_out=True), scenes.glowing(albedo, 1.0 - albedo)))
+    with pipeline(gpu, made, scenes.settings(16, bounces=1000), samples=0) as ready:
+        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        middle = np.array(found.voxels.grid.grid_from_world[:3, 3])
+        inside = np.einsum("fk,fk->f", found.faces["normal"], middle - found.faces["position"]) > 0
+        np.testing.assert_allclose(radiance(ready)[inside], albedo, rtol=5e-4)
+        assert ready.statistics()["bounces"] < 120  # 0.95^120 is 0.2 %
+
+
 def test_many_links(gpu: GpuContext) -> None:
     """As many links as can be set, beside a ball that has a thousand triangles in a cell: none is lost, and in a closed
     room that emits half of what leaves it the other half comes by links."""
