@@ -27,8 +27,8 @@ BRICK = 4
 
 #: Fixed-point unit of the sums of voxelization: 16.16, so that sums are integers and do not depend on order.
 FIXED_ONE = 65536
-#: While cells are counted, the axes that their surfaces face lie above the number of their triangles.
-CELL_COUNT_BITS = 29
+#: Facings of the two sides of a cell, in the last word of its record; what lies above says where it is cut.
+FACING_MASK = 0xFFF
 
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
@@ -270,7 +270,7 @@ def prelude() -> str:
         "GUIDE_LEVELS": GUIDE_SIDE.bit_length() - 1,
         "GUIDE_TEXELS": GUIDE_TEXELS,
         "FIXED_ONE": f"{FIXED_ONE}.0",
-        "CELL_COUNT_BITS": CELL_COUNT_BITS,
+        "FACING_MASK": f"0x{FACING_MASK:X}u",
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
         "FLAT_COSINE": FLAT_COSINE,
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from typing import Any
 
@@ -19,9 +20,13 @@ from .world import WorldLight
 
 #: Rays in one dispatch: bounds how long a step takes, so that cancelling is quick.
 RAYS_PER_STEP = 1 << 17
-#: Bounces between two looks at how much has changed, and the change at which they stop.
+#: Links of a face in one dispatch: llvmpipe ends the loops of a work group after so many rounds that rays beyond this,
+#: in cells with a thousand triangles, would bring nothing.
+LINKS_PER_STEP = 16
+#: Bounces between two looks at how much has changed, and the share of all light that it is when they stop: what further
+#: ones would bring is added at once.
 CHECK_EVERY = 4
-CONVERGED = 2e-4
+CONVERGED = 1e-3
 #: Faces that each asks for their light, by a short ray.
 NEIGHBOURS = 8
 
@@ -83,8 +88,13 @@ class LinkPass:
             | world.defines
             | {"HAS_EMITTERS": emitters.count > 0, "WORLD_IS_DRAWN": world_drawn},
         )
-        step = max(interface.GROUP_SIZE, RAYS_PER_STEP // self.count)
-        for first in range(0, voxels.faces.count, step):
+        step = max(interface.GROUP_SIZE, RAYS_PER_STEP // min(self.count, LINKS_PER_STEP))
+        steps = [
+            (first, link)
+            for first in range(0, voxels.faces.count, step)
+            for link in range(0, self.count, LINKS_PER_STEP)
+        ]
+        for number, (first, link) in enumerate(steps, 1):
             with gpu.timed("link"):
                 voxels.bind(kernel)
                 world.bind(kernel)
@@ -96,12 +106,15 @@ class LinkPass:
                 voxels.faces.order.use(slot("TEX_FACE_ORDER"))
                 links.bind_to_image(slot("IMG_0"), read=False, write=True)
                 if self.straight is not None:
-                    self.straight.bind_to_image(slot("IMG_1"), read=False, write=True)
+                    self.straight.bind_to_image(slot("IMG_1"), read=True, write=True)
                 kernel.set(
-                    site_first=first, face_count=voxels.faces.count, link_count=self.count, random_seed=settings.seed
-                )
+                    site_first=first, face_count=voxels.faces.count, link_count=self.count, link_first=link,
+                    link_end=min(link + LINKS_PER_STEP, self.count), random_seed=settings.seed,
+                )  # fmt: skip
+                if link > 0:
+                    gpu.barrier()  # light is added to that of the links before
                 kernel.run_list(min(step, voxels.faces.count - first))
-            yield min(1.0, (first + step) / voxels.faces.count)
+            yield number / len(steps)
         gpu.barrier()  # bounces read links and light
 
     def release(self) -> None:
@@ -139,16 +152,19 @@ class BouncePass:
         self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 2, "u4") for _ in range(textures)]
         self.bounces = 0
         self._pass(voxels, irradiance, links, first=True)
-        before = None
+        total, change = math.inf, math.inf  # of radiance, and since the last look
         while links and self.bounces < settings.bounces:
             self.radiance.reverse()
             self._pass(voxels, irradiance, links)
             self.bounces += 1
             if self.bounces % CHECK_EVERY == 0 and self.bounces < settings.bounces:
                 after = self._total(voxels.faces.count)
-                if before is not None and abs(after - before) <= CONVERGED * abs(after):
+                change_before, change = change, abs(after - total)
+                total = after
+                if change <= CONVERGED * abs(after):
+                    share = (change / change_before) ** (1.0 / CHECK_EVERY) if change < change_before else 0.0
+                    self._add_rest(voxels, share)
                     break
-                before = after
             yield self.bounces / settings.bounces
         if links:
             self._pass(voxels, irradiance, links, first=self.bounces == 0, last=True)  # the last bounce once more
@@ -159,6 +175,16 @@ class BouncePass:
         with self.gpu.timed("bounce"):
             stored = np.frombuffer(self.radiance[0].read(), np.uint32).reshape(-1, 2)[:faces]
             return total_light(stored)  # what follows in the texture's last row is undefined
+
+    def _add_rest(self, voxels: Voxels, share: float) -> None:
+        """Make the second of ``radiance`` what all further bounces would lead to, each ``share`` (less than 1) of the
+        one before."""
+        with self.gpu.timed("bounce"):
+            self.radiance[0].use(interface.slot("TEX_FACE_RADIANCE"))
+            self.radiance[1].bind_to_image(interface.slot("IMG_0"), read=True, write=True)
+            kernel = self.gpu.kernel("bounce_rest").set(face_count=voxels.faces.count, rest=share / (1.0 - share))
+            kernel.run_list(voxels.faces.count)
+            self.gpu.barrier()  # the last bounce reads it
 
     def _pass(
         self,

@@ -8,8 +8,6 @@ import numpy as np
 from ..gpu import interface
 
 _POPCOUNT = np.array([bin(value).count("1") for value in range(1 << 16)], np.uint8)
-#: Both facings of each axis, for each set of axes: a surface has two sides.
-_FACINGS = np.array([sum(3 << 2 * axis for axis in range(3) if axes >> axis & 1) for axes in range(8)], np.uint32)
 
 
 def popcount(words: np.ndarray) -> np.ndarray:
@@ -54,33 +52,36 @@ def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarra
 
 
 def cell_records(counts: np.ndarray) -> np.ndarray:
-    """Records of cells as lib/grid.glsl describes them, (N, 4) uint32.
+    """Records of cells as lib/grid.glsl describes them, (N, 4) uint32, before they have faces.
 
-    ``counts``: (N,) uint32, triangles of each cell, and above CELL_COUNT_BITS the axes that they face.
+    ``counts``: (N,) uint32, triangles of each cell.
     """
-    axes = counts >> interface.CELL_COUNT_BITS
-    triangles = counts & ((1 << interface.CELL_COUNT_BITS) - 1)
-    facings = _FACINGS[axes]
-    faces = _POPCOUNT[facings]
-    records = np.empty((len(counts), 4), np.uint32)
-    np.subtract(np.cumsum(triangles, dtype=np.uint32), triangles, out=records[:, 0])
-    records[:, 1] = triangles
-    np.subtract(np.cumsum(faces, dtype=np.uint32), faces, out=records[:, 2])
-    records[:, 3] = facings
+    records = np.zeros((len(counts), 4), np.uint32)
+    np.subtract(np.cumsum(counts, dtype=np.uint32), counts, out=records[:, 0])
+    records[:, 1] = counts
     return records
 
 
-def cell_axes(counts: np.ndarray) -> tuple[np.ndarray, tuple[int, int, int]]:
-    """Work of pass voxel_resolve: cell | axis << 30 for each axis that a cell has faces on, axis by axis; and how many
-    there are of each axis. ``counts`` as for ``cell_records``.
+def number_faces(records: np.ndarray, facings: np.ndarray) -> None:
+    """Fill in the faces of ``records``. ``facings``: (N,) uint32, their last word."""
+    faces = _POPCOUNT[facings & interface.FACING_MASK]
+    np.subtract(np.cumsum(faces, dtype=np.uint32), faces, out=records[:, 2])
+    records[:, 3] = facings
+
+
+def cell_axes(facings: np.ndarray) -> tuple[np.ndarray, tuple[int, int, int]]:
+    """Work of pass voxel_resolve: cell | side << 29 | axis << 30 for each side and axis that a cell has faces on, axis
+    by axis, those last that both sides have; and how many there are of each axis.
+
+    ``facings``: (N,) uint32, last words of records.
     """
-    cells = [np.flatnonzero(counts & (1 << interface.CELL_COUNT_BITS + axis)) for axis in range(3)]
-    work = np.empty(sum(map(len, cells)), np.uint32)
-    first = 0
-    for axis, chosen in enumerate(cells):
-        np.bitwise_or(chosen, axis << 30, out=work[first : first + len(chosen)], casting="unsafe")
-        first += len(chosen)
-    return work, (len(cells[0]), len(cells[1]), len(cells[2]))
+    work = []
+    for axis in range(3):
+        near, far = (facings & (3 << 6 * side + 2 * axis) != 0 for side in range(2))
+        alone = [np.flatnonzero(near & ~far), np.flatnonzero(far & ~near) | 1 << 29]
+        both = np.flatnonzero(near & far)
+        work.append(np.concatenate([*alone, both, both | 1 << 29]).astype(np.uint32) | np.uint32(axis << 30))
+    return np.concatenate(work), (len(work[0]), len(work[1]), len(work[2]))
 
 
 def guide_entries(bricks: np.ndarray, records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -94,6 +95,7 @@ def guide_entries(bricks: np.ndarray, records: np.ndarray) -> tuple[np.ndarray, 
     if not len(filled):
         return entries, np.zeros(0, np.uint32)
     facings = np.bitwise_or.reduceat(records[:, 3], bricks[filled, 2])
+    facings = (facings | facings >> 6) & 63  # on either side of a cut
     counts = _POPCOUNT[facings].astype(np.uint32)
     entries[filled] = (np.cumsum(counts, dtype=np.uint32) - counts) << 6 | facings
     which, facing = np.nonzero(facings[:, None] >> np.arange(6, dtype=np.uint32) & 1)

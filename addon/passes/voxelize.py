@@ -3,9 +3,10 @@
 
 Every pair of a triangle and a cell it enters is written down, and the cell marked, one bit each, in bricks of 4x4x4.
 The cells are numbered, their triangles counted, and the pairs listed cell by cell (rays are exact against the
-triangles) with what they bring to a face: a surface belongs to the face that its normal is nearest to. In the end each
-face sums up its parts. Overlaps are exact (lib/overlap.glsl), so no cell is missed, and all sums are integers, so the
-same scene gives the same bits on every run.
+triangles) with what they bring to a face: a surface belongs to the face that its normal is nearest to. Cells in which
+surfaces see different parts of space are cut in two, with faces on both sides. In the end each face sums up its parts.
+Overlaps are exact (lib/overlap.glsl), so no cell is missed, and all sums are integers, so the same scene gives the same
+bits on every run.
 """
 
 from __future__ import annotations
@@ -24,11 +25,15 @@ from ..grid import VoxelGrid
 from ..scene import RayVisibility
 from .geometry import Geometry
 from .materials import Batch, MaterialPass, MaterialSet
-from .voxel_numbers import brick_distances, cell_axes, cell_positions, cell_records, popcount
+from .voxel_numbers import brick_distances, cell_axes, cell_positions, cell_records, number_faces, popcount
 
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
 ITEMS_PER_STEP = 1 << 17
 PAIRS_PER_STEP = 1 << 18
+
+#: Faces stand for points spread evenly from block to block of cells. At least so many blocks lie along the longest
+#: side; in a block rays start alike, which is quicker.
+LINE_BLOCKS = 64
 
 
 @dataclass
@@ -92,8 +97,9 @@ class Voxels:
 class _Lists:
     """What is listed cell by cell before there are faces: list textures."""
 
+    records: np.ndarray  # (cells, 4) uint32
     cells: moderngl.Texture  # rgba32ui: records
-    cursors: moderngl.Buffer  # next list entry of each cell
+    cursors: moderngl.Buffer  # next list entry of each cell; in the end, last words of their records
     triangles: moderngl.Texture  # r32ui
     opacities: moderngl.Texture | None  # r8
     parts: moderngl.Texture | None  # rgba32ui: what triangles bring to faces (lib/part.glsl)
@@ -169,8 +175,13 @@ class VoxelizePass:
 
         with gpu.timed("voxelize"):
             gpu.barrier()  # the lists are complete
-            gpu.free(pairs, cursors)
-            faces = self._resolve(geometry, lists, counts, positions) if has_faces else None
+            gpu.free(pairs)
+            faces = None
+            if has_faces:
+                places = gpu.list_texture("voxel cell positions", len(positions), 1, "u4", positions)
+                self._temporary.append(places)
+                self._cut_cells(geometry, lists, places)
+                faces = self._resolve(geometry, lists, places)
         self.voxels = Voxels(
             grid,
             bricks,
@@ -265,14 +276,16 @@ class VoxelizePass:
         if len(records):
             cursors.write(np.ascontiguousarray(records[:, 0]))
         lists = _Lists(
+            records,
             gpu.list_texture("cells", len(records), 4, "u4", records),
             cursors,
             gpu.list_texture("cell triangles", pairs, 1, "u4"),
             gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.lets_light_through else None,
             gpu.list_texture("voxel parts", pairs, 4, "u4") if has_faces else None,
         )
-        self._owned += [lists.cells, lists.triangles, lists.opacities]
+        self._owned += [lists.triangles, lists.opacities]
         self._temporary.append(lists.parts)
+        (self._temporary if has_faces else self._owned).append(lists.cells)  # faces are numbered anew
         return lists
 
     def _accumulate_kernel(
@@ -300,12 +313,30 @@ class VoxelizePass:
             if texture is not None:
                 texture.bind_to_image(slot(unit), read=False, write=True)
 
-    def _resolve(self, geometry: Geometry, lists: _Lists, counts: np.ndarray, packed: np.ndarray) -> Faces:
+    def _cut_cells(self, geometry: Geometry, lists: _Lists, positions: moderngl.Texture) -> None:
+        """Find where cells are cut in two, number their faces, and complete the records."""
         gpu, slot = self.gpu, interface.slot
-        items, axis_counts = cell_axes(counts)
+        count = len(lists.records)
+        assert lists.parts is not None
+        kernel = gpu.kernel("voxel_cut").set(cell_count=count)
+        geometry.bind_triangles()
+        lists.cells.use(slot("TEX_CELLS"))
+        lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
+        lists.parts.use(slot("TEX_PARTS"))
+        positions.use(slot("TEX_CELL_POSITIONS"))
+        lists.cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
+        kernel.run_list(count)
+        gpu.barrier()  # read back
+        number_faces(lists.records, np.frombuffer(lists.cursors.read(), np.uint32)[:count])
+        gpu.free(lists.cells, lists.cursors)
+        lists.cells = gpu.list_texture("cells", count, 4, "u4", lists.records)
+        self._owned.append(lists.cells)
+
+    def _resolve(self, geometry: Geometry, lists: _Lists, positions: moderngl.Texture) -> Faces:
+        gpu, slot = self.gpu, interface.slot
+        items, axis_counts = cell_axes(lists.records[:, 3])
         work = gpu.buffer("voxel work", items)
-        positions = gpu.list_texture("voxel cell positions", len(packed), 1, "u4", packed)
-        self._temporary += [work, positions]
+        self._temporary.append(work)
         count = 2 * len(items)
         faces = Faces(
             count,
@@ -315,7 +346,8 @@ class VoxelizePass:
         )
         self._owned += [faces.place, faces.reflectance, faces.order]
         kernel = gpu.kernel("voxel_resolve", {"HAS_SHADING_NORMALS": geometry.has_smooth_shading})
-        kernel.set(work_count=len(items), axis_counts=axis_counts)
+        block = min(interface.BRICK, max(1, max(geometry.grid.size) // LINE_BLOCKS))
+        kernel.set(work_count=len(items), axis_counts=axis_counts, line_block=block)
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))

@@ -108,7 +108,8 @@ def read_faces(voxels: Voxels, records: np.ndarray) -> np.ndarray:
     """The faces, with what is known of them from their cells."""
     count = voxels.faces.count
     faces = np.zeros(count, _FACE)
-    cell, facing = np.nonzero(records[:, 3:] >> np.arange(6) & 1)
+    cell, bit = np.nonzero(records[:, 3:] >> np.arange(12) & 1)
+    facing = bit % 6
     assert len(cell) == count and all(records[cell, 2] <= np.arange(count))
     faces["cell"], faces["facing"] = cell, facing
     place = read_list(voxels.faces.place, count, np.uint32)

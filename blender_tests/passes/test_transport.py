@@ -111,6 +111,33 @@ def test_closed_box(albedo: float, gpu: GpuContext) -> None:
             assert inside.sum() > 1000
 
 
+@pytest.mark.parametrize("albedo", [0.5, 0.95])
+def test_bounces_that_are_not_made(albedo: float, gpu: GpuContext) -> None:
+    """Bounces stop when little changes, and what is left is added: within .05 % of all that there is."""
+    made = scenes.scene((scenes.box(inside_out=True), scenes.glowing(albedo, 1.0 - albedo)))
+    with pipeline(gpu, made, scenes.settings(16, bounces=1000), samples=0) as ready:
+        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        middle = np.array(found.voxels.grid.grid_from_world[:3, 3])
+        inside = np.einsum("fk,fk->f", found.faces["normal"], middle - found.faces["position"]) > 0
+        np.testing.assert_allclose(radiance(ready)[inside], albedo, rtol=5e-4)
+        assert ready.statistics()["bounces"] < 120  # 0.95^120 is 0.2 %
+
+
+def test_many_links(gpu: GpuContext) -> None:
+    """As many links as can be set, beside a ball that has a thousand triangles in a cell: none is lost, and in a closed
+    room that emits half of what leaves it the other half comes by links."""
+    room = (scenes.box(inside_out=True), scenes.glowing(0.5, 0.5))
+    ball = (scenes.sphere(0.1, 24), scenes.glowing(0.5, 0.5), scenes.at(0.3, 0.2, 0.1))
+    with pipeline(gpu, scenes.scene(room, ball), scenes.settings(12, bounce_rays=256), samples=0) as ready:
+        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        grid = found.voxels.grid
+        place = found.faces["position"] * grid.cell_size + grid.origin
+        out = place - [0.3, 0.2, 0.1]
+        of_ball = (np.linalg.norm(out, axis=1) < 0.15) & (np.einsum("fk,fk->f", out, found.faces["normal"]) > 0.0)
+        assert of_ball.sum() > 6
+        np.testing.assert_allclose(radiance(ready)[of_ball], 0.5, rtol=0.03)
+
+
 def test_sky_over_a_plane(gpu: GpuContext) -> None:
     """Under a sky of radiance L a plane of albedo a leaves a L above; what is below sees the sky too."""
     made = scenes.scene((scenes.plane(2.0), scenes.diffuse(0.6)), world=scenes.world((2.0, 1.0, 0.5)))

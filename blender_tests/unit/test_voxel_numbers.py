@@ -6,13 +6,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.gpu.interface import BRICK, CELL_COUNT_BITS
+from addon.gpu.interface import BRICK
 from addon.passes.voxel_numbers import (
     brick_distances,
     cell_axes,
     cell_positions,
     cell_records,
     guide_entries,
+    number_faces,
     popcount,
 )
 
@@ -71,13 +72,19 @@ def test_brick_distances() -> None:
 
 
 def test_cells_get_their_share_of_lists_and_faces() -> None:
-    """Three triangles facing x and z, one facing y, two facing all ways: lists and faces follow each other."""
-    counts = np.array([3, 1, 2], np.uint32) | np.array([0b101, 0b010, 0b111], np.uint32) << CELL_COUNT_BITS
-    expected = [[0, 3, 0, 0b110011], [3, 1, 4, 0b001100], [4, 2, 6, 0b111111]]
-    np.testing.assert_array_equal(cell_records(counts), expected)
-    work, axis_counts = cell_axes(counts)
-    assert work.dtype == np.uint32 and axis_counts == (2, 2, 2)
-    np.testing.assert_array_equal(work, [0, 2, 1 | 1 << 30, 2 | 1 << 30, 0 | 2 << 30, 2 | 2 << 30])
+    """Three triangles facing x and z, one facing y, two facing all ways, of these x on one side of a cut across z, y on
+    both, z beyond: lists and faces follow each other."""
+    counts = np.array([3, 1, 2], np.uint32)
+    facings = np.array([0b110011, 0b001100, 0b111100001111 | 3 << 12 | 127 << 14], np.uint32)
+    records = cell_records(counts)
+    np.testing.assert_array_equal(records, [[0, 3, 0, 0], [3, 1, 0, 0], [4, 2, 0, 0]])
+    number_faces(records, facings)
+    np.testing.assert_array_equal(records[:, :3], [[0, 3, 0], [3, 1, 4], [4, 2, 6]])
+    np.testing.assert_array_equal(records[:, 3], facings)
+    work, axis_counts = cell_axes(facings)
+    assert work.dtype == np.uint32 and axis_counts == (2, 3, 2)
+    beyond, y, z = 1 << 29, 1 << 30, 2 << 30
+    np.testing.assert_array_equal(work, [0, 2, 1 | y, 2 | y, 2 | y | beyond, 0 | z, 2 | z | beyond])
 
 
 def test_no_cells_have_nothing() -> None:

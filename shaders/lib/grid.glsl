@@ -49,15 +49,25 @@ vec3 facing_vector(uint facing)
     return axis;
 }
 
-// Cells have a record (rgba32ui): first triangle, triangle count, first face, and a bit for each facing there is.
+// Cells have a record (rgba32ui): first triangle, triangle count, first face, and what faces there are: a bit for each
+// facing, and six more for those beyond the plane that cuts the cell, if one does; axis + 1 of the cut << 12, where it is
+// << 14, in 1 / CUT_UNITS of the cell's side.
 
-// Index of a cell's face: faces of a cell follow each other in the order of their bits.
-uint face_index(uvec4 record, uint facing)
+const float CUT_UNITS = 255.0;
+
+// Index of a cell's face, given the number of its bit: faces of a cell follow each other in the order of their bits.
+uint face_index(uvec4 record, uint bit)
 {
-    return record.z + bitCount(record.w & ((1u << facing) - 1u));
+    return record.z + bitCount(record.w & ((1u << bit) - 1u));
 }
 
-bool has_facing(uvec4 record, uint facing)
+// Axis that the cut is perpendicular to; -1: the cell is not cut.
+int cut_axis(uvec4 record)
 {
-    return facing < 6u && (record.w >> facing & 1u) != 0u;
+    return int(record.w >> 12 & 3u) - 1;
+}
+
+float cut_place(uvec4 record)
+{
+    return float(record.w >> 14 & 255u) / CUT_UNITS;
 }

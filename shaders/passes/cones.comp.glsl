@@ -61,7 +61,7 @@ void main()
 #if FIRST
         uint index = cell_index(child);
         uvec4 record = index == NONE_INDEX ? uvec4(0u) : texelFetch(cells_tex, list_texel(index), 0);
-        uint end = record.z + bitCount(record.w);
+        uint end = record.z + bitCount(record.w & FACING_MASK);
         for (uint face = record.z; face < end; ++face) {
             vec3 place, normal;
             fetch_face_place(face, place, normal);

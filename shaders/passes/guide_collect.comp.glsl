@@ -7,7 +7,7 @@
 #include "lib/face.glsl"
 #include "lib/guide_work.glsl"
 #include "lib/packed_light.glsl"
-#include "lib/sampling.glsl"
+#include "lib/link_shift.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
 #endif
@@ -25,7 +25,7 @@ uniform uint random_seed;
 const float MOST_RADIANCE = 1e15;  // what is brighter counts as this: its power is finite
 
 // Where the light of a face's link comes from, and its luminance.
-void fetch_link(uint face, uint k, vec3 position, vec3 normal, out vec3 direction, out float light)
+void fetch_link(uint face, uint k, vec3 position, vec3 normal, uvec2 shift, out vec3 direction, out float light)
 {
     uint at = face * link_count + k;
     uint link = texelFetch(links_tex, list_texel(at / 4u), 0)[at & 3u];
@@ -36,7 +36,7 @@ void fetch_link(uint face, uint k, vec3 position, vec3 normal, out vec3 directio
         direction = (there - position) / max(distance(there, position), 1e-6);
         light = luminance(unpack_light(texelFetch(face_radiance_tex, list_texel(link), 0).rg));
     } else {
-        direction = sample_cosine(normal, sample_2d(k, hash(face, random_seed)));  // as pass link has drawn it
+        direction = sample_cosine(normal, sample_2d(k, shift));  // as pass link has drawn it, but for shading normals
 #if HAS_WORLD
         light = luminance(world_along(direction));
 #else
@@ -60,21 +60,25 @@ void main()
     }
     for (uint cell = 0u; cell < cells; ++cell) {
         uvec4 record = texelFetch(cells_tex, list_texel(brick.z + cell), 0);
-        if (!has_facing(record, work.facing)) {
-            continue;
-        }
-        uint face = face_index(record, work.facing);
-        vec3 position;
-        vec3 normal;
-        fetch_face_place(face, position, normal);
-        for (uint k = 0u; k < link_count; ++k) {
-            vec3 direction;
-            float light;
-            fetch_link(face, k, position, normal, direction, light);
-            vec3 local = facing_from_grid(work.facing, direction);
-            if (local.z > 0.0) {
-                ivec2 place = ivec2(square_from_hemisphere(local) * float(GUIDE_SIDE));
-                bins[place.x + GUIDE_SIDE * place.y] += vec2(pow(clamp(light, 0.0, MOST_RADIANCE), GUIDE_POWER), 1.0);
+        for (uint bit = work.facing; bit < 12u; bit += 6u) {  // on either side of a cut
+            if ((record.w >> bit & 1u) == 0u) {
+                continue;
+            }
+            uint face = face_index(record, bit);
+            vec3 position;
+            vec3 normal;
+            fetch_face_place(face, position, normal);
+            uvec2 shift = link_shift(position, normal, random_seed);
+            for (uint k = 0u; k < link_count; ++k) {
+                vec3 direction;
+                float light;
+                fetch_link(face, k, position, normal, shift, direction, light);
+                vec3 local = facing_from_grid(work.facing, direction);
+                if (local.z > 0.0) {
+                    ivec2 place = ivec2(square_from_hemisphere(local) * float(GUIDE_SIDE));
+                    bins[place.x + GUIDE_SIDE * place.y] +=
+                        vec2(pow(clamp(light, 0.0, MOST_RADIANCE), GUIDE_POWER), 1.0);
+                }
             }
         }
     }

@@ -10,7 +10,7 @@
 
 #include "lib/radiance.glsl"
 #include "lib/site.glsl"
-#include "lib/sampling.glsl"
+#include "lib/link_shift.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
 #endif
@@ -25,10 +25,12 @@ layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
 #if HAS_WORLD || HAS_EMITTERS
-layout(binding = IMG_1, rg32ui) writeonly uniform uimage2D straight_img;
+layout(binding = IMG_1, rg32ui) uniform uimage2D straight_img;
 #endif
 
 uniform uint link_count;  // a multiple of four
+uniform uint link_first;  // of this dispatch, which makes the links before link_end; multiples of four too
+uniform uint link_end;
 uniform uint random_seed;
 
 void main()
@@ -38,10 +40,11 @@ void main()
         return;
     }
     uint seed = hash(site.face, random_seed);
+    uvec2 shift = link_shift(site.origin, site.normal, random_seed);
     uvec4 links;
     vec3 straight = vec3(0.0);
-    for (uint k = 0u; k < link_count; ++k) {
-        vec3 direction = sample_cosine(site.shading_normal, sample_2d(k, seed));
+    for (uint k = link_first; k < link_end; ++k) {
+        vec3 direction = sample_cosine(site.shading_normal, sample_2d(k, shift));
         bool leaves = leaves_surface(site, direction);
         Hit hit = trace(site.origin, direction, leaves ? 1e30 : -1.0, RAY_DIFFUSE, false, hash(seed, k));
         uint link = NONE_INDEX;
@@ -69,6 +72,10 @@ void main()
         }
     }
 #if HAS_WORLD || HAS_EMITTERS
-    imageStore(straight_img, list_texel(site.face), pack_light(straight / float(link_count)));
+    straight = finite_or_zero(straight / float(link_count));
+    if (link_first > 0u) {
+        straight += unpack_light(imageLoad(straight_img, list_texel(site.face)).rg);
+    }
+    imageStore(straight_img, list_texel(site.face), pack_light(straight));
 #endif
 }

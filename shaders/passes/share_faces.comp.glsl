@@ -26,8 +26,9 @@ const float OFF_PLANE = 0.25;   // how far off the tangent plane the other's pla
 // The face whose surface is one cell further along a step in the tangent plane; NONE_INDEX: none that is alike and seen.
 uint neighbour(vec3 position, vec3 normal, vec3 step)
 {
-    uint cell = cell_index(ivec3(floor(position + step)));
-    uint face = cell == NONE_INDEX ? NONE_INDEX : find_face(cell, normal);
+    ivec3 cell = ivec3(floor(position + step));
+    uint index = cell_index(cell);
+    uint face = index == NONE_INDEX ? NONE_INDEX : find_face(index, cell, normal, position, false);
     if (face == NONE_INDEX) {
         return NONE_INDEX;
     }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Count the triangles of every occupied cell, and note which axes their normals are nearest to.
-// Input: pairs, cell numbering.    Output: for each cell triangles | axes << CELL_COUNT_BITS.
+// Count the triangles of every occupied cell.    Input: pairs, cell numbering.
 
 #include "lib/grid.glsl"
 #include "lib/part.glsl"
@@ -19,9 +18,5 @@ void main()
         return;
     }
     uvec4 pair = texelFetch(pairs_tex, list_texel(number), 0);
-    uint index = cell_index(pair_cell(pair));
-    uint axis = 1u << uint(CELL_COUNT_BITS + pair_axis(pair));
-    if ((atomicAdd(cells[index], 1u) & axis) == 0u) {
-        atomicOr(cells[index], axis);
-    }
+    atomicAdd(cells[cell_index(pair_cell(pair))], 1u);
 }

@@ -19,7 +19,7 @@ layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
 layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
 layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
 layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
-layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cell | axis << 30, axis by axis
+layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cell | side << 29 | axis << 30, by axes
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
 layout(binding = IMG_1, rgba16) writeonly uniform image2D reflectance_img;
 #if HAS_SHADING_NORMALS
@@ -30,6 +30,7 @@ layout(binding = IMG_2, r32ui) writeonly uniform uimage2D order_img;
 
 uniform uint work_count;
 uniform uvec3 axis_counts;  // work items of each axis
+uniform uint line_block;     // cells on a side of the blocks in which all lines are alike
 
 struct Sums {
     uint area;
@@ -81,26 +82,31 @@ Face mean_face(Sums sums, uint facing, vec3 corner)
     return result;
 }
 
-// The surface of a cell that is outermost along a line.
+// The surface of a cell that is outermost along a line; surfaces that face the other way count where there are no others.
 struct Outermost {
+    bool faces_away;
     float height;     // above where the line starts
     uint triangle;    // NONE_INDEX: the line meets nothing
-    vec3 face_cross;  // the triangle's normal, not unit
+    uint entry;       // of the cell's list
 };
 
-void consider(inout Outermost outermost, Face face, Triangle t, uint index, vec3 corner)
+void consider(inout Outermost outermost, bool is_met, bool faces_away, float height, uint triangle, uint entry)
+{
+    // Equal heights go to the lower index: the order of the cell's list must not show.
+    bool is_higher = height > outermost.height || (height == outermost.height && triangle < outermost.triangle);
+    if (is_met && (faces_away == outermost.faces_away ? is_higher : outermost.faces_away)) {
+        outermost = Outermost(faces_away, height, triangle, entry);
+    }
+}
+
+// Whether the line through `start` along `direction` meets a triangle inside a box, and where along it.
+bool meets(vec3 start, vec3 direction, Triangle t, vec3 low, vec3 high, out float distance)
 {
     vec2 barycentric;
-    float distance;
-    bool crosses = intersect_plane(t, face.position, face.normal, barycentric, distance);
-    vec3 at = face.position + face.normal * distance - corner;
-    bool inside = min(barycentric.x, barycentric.y) >= 0.0 && barycentric.x + barycentric.y <= 1.0 &&
-                  all(greaterThan(at, vec3(-1e-3))) && all(lessThan(at, vec3(1.001)));
-    // Equal heights go to the lower index: the order of the cell's list must not show.
-    if (crosses && inside && (distance > outermost.height ||
-                              (distance == outermost.height && index < outermost.triangle))) {
-        outermost = Outermost(distance, index, cross(t.edge_1, t.edge_2));
-    }
+    bool crosses = intersect_plane(t, start, direction, barycentric, distance);
+    vec3 at = start + direction * distance;
+    return crosses && min(barycentric.x, barycentric.y) >= 0.0 && barycentric.x + barycentric.y <= 1.0 &&
+           all(greaterThan(at, low - 1e-3)) && all(lessThan(at, high + 1e-3));
 }
 
 #if HAS_SHADING_NORMALS
@@ -120,12 +126,17 @@ vec3 shading_normal(Face face, uint index)
 }
 #endif
 
-void move_to(inout Face face, Outermost outermost)
+void move_to(inout Face face, vec3 start, Outermost outermost, bool is_shared)
 {
     if (outermost.triangle != NONE_INDEX) {
-        vec3 n = normalize(outermost.face_cross);
-        face.position += face.normal * outermost.height;
+        Triangle t = fetch_triangle(outermost.triangle);
+        vec3 n = normalize(cross(t.edge_1, t.edge_2));
+        face.position = start + face.normal * outermost.height;
         face.normal = dot(n, face.normal) < 0.0 ? -n : n;
+        if (is_shared) {
+            Part part = unpack_part(texelFetch(parts_tex, list_texel(outermost.entry), 0));
+            face.reflectance.rgb = part.area == 0u ? face.reflectance.rgb : vec3(part.reflectance) / float(part.area);
+        }
     }
 #if HAS_SHADING_NORMALS
     face.shading_normal = face.normal;
@@ -145,20 +156,82 @@ Face turned_over(Face face)
     return face;
 }
 
-// The mean of curved or layered surfaces lies inside them: take the outermost surface of the cell in front of it or
-// behind it. (Both faces in one loop, though one is mostly not wanted: fetching the triangles is what takes time.)
-void find_surfaces(inout Face plus, inout Face minus, uvec4 record, vec3 corner)
+bool lies_between(Outermost outermost, vec3 start, vec3 direction, vec3 low, vec3 high)
 {
-    Outermost above = Outermost(-2.0, NONE_INDEX, vec3(0.0));
-    Outermost below = above;
-    for (uint k = record.x; k < record.x + record.y; ++k) {
+    vec3 at = start + direction * outermost.height;
+    return outermost.triangle != NONE_INDEX && all(greaterThan(at, low - 1e-3)) && all(lessThan(at, high + 1e-3));
+}
+
+// Points spread evenly over cells: point k of block c of cells.
+vec3 point_of_box(uvec3 c, uint k, vec3 low, vec3 high)
+{
+    // Powers of 1 / 1.2207, the root of x^4 = x + 1: Roberts 2018, "The Unreasonable Effectiveness of Quasirandom
+    // Sequences".
+    uvec3 point = c.x * uvec3(3518319155u, 2360945575u, 2882110345u) +
+                  c.y * uvec3(2882110345u, 3518319155u, 2360945575u) +
+                  c.z * uvec3(2360945575u, 2882110345u, 3518319155u) +
+                  k * uvec3(2654435769u, 1640531527u, 2024323829u);
+    return mix(low, high, vec3(unit_float(point.x), unit_float(point.y), unit_float(point.z)));
+}
+
+const Outermost NOTHING = Outermost(true, -1e30, NONE_INDEX, 0u);
+// Lines tried in cells where both sides have faces along them.
+const uint SHARED_LINES = 2u;
+
+// A face stands for a point where a line along its axis meets its outermost surface: the mean of curved or layered
+// surfaces lies inside them. Lines of neighbouring blocks of cells are spread evenly, so that edges of shadows are where
+// they are, on average over cells. What another side's surface covers is not outermost.
+void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, vec3 corner, vec3 low, vec3 high,
+                   bool is_shared)
+{
+    vec3 direction = plus.normal;
+    vec3 column_low = mix(low, corner, abs(direction));
+    vec3 column_high = mix(high, corner + 1.0, abs(direction));
+    Outermost above = NOTHING, below = NOTHING;
+    vec3 plus_start = vec3(0.0), minus_start = vec3(0.0);
+    uint lines = is_shared ? SHARED_LINES : 1u;
+    for (uint line = 0u; line < lines; ++line) {
+        vec3 start = point_of_box(uvec3(corner) / line_block, line, low, high);
+        Outermost top = NOTHING, bottom = NOTHING;
+        for (uint k = record.x; k < record.x + record.y; ++k) {
+            uint index = texelFetch(cell_triangles_tex, list_texel(k), 0).r;
+            Triangle t = fetch_triangle(index);
+            vec3 n = cross(t.edge_1, t.edge_2);
+            float distance;
+            bool met = dominant_axis(n) == axis && meets(start, direction, t, column_low, column_high, distance);
+            consider(top, met, n[axis] < 0.0, distance, index, k);
+            consider(bottom, met, n[axis] > 0.0, -distance, index, k);
+        }
+        if (lies_between(top, start, direction, low, high) && above.faces_away &&
+            (above.triangle == NONE_INDEX || !top.faces_away)) {
+            above = top;
+            plus_start = start;
+        }
+        if (lies_between(bottom, start, -direction, low, high) && below.faces_away &&
+            (below.triangle == NONE_INDEX || !bottom.faces_away)) {
+            below = bottom;
+            minus_start = start;
+        }
+    }
+    // Where the lines miss, one through the mean; on a side, which has no mean of its own, another line.
+    bool misses_plus = above.triangle == NONE_INDEX, misses_minus = below.triangle == NONE_INDEX;
+    vec3 another = point_of_box(uvec3(corner) / line_block, SHARED_LINES, low, high);
+    plus_start = !misses_plus ? plus_start : (is_shared ? another : plus.position);
+    minus_start = !misses_minus ? minus_start : (is_shared ? another : minus.position);
+    uint end = misses_plus || misses_minus ? record.x + record.y : record.x;
+    for (uint k = record.x; k < end; ++k) {
         uint index = texelFetch(cell_triangles_tex, list_texel(k), 0).r;
         Triangle t = fetch_triangle(index);
-        consider(above, plus, t, index, corner);
-        consider(below, minus, t, index, corner);
+        vec3 n = cross(t.edge_1, t.edge_2);
+        bool is_ours = dominant_axis(n) == axis;
+        float distance;
+        bool met = is_ours && misses_plus && meets(plus_start, direction, t, low, high, distance);
+        consider(above, met, n[axis] < 0.0, distance, index, k);
+        met = is_ours && misses_minus && meets(minus_start, direction, t, low, high, distance);
+        consider(below, met, n[axis] > 0.0, -distance, index, k);
     }
-    move_to(plus, above);
-    move_to(minus, below);
+    move_to(plus, plus_start, above, is_shared);
+    move_to(minus, minus_start, below, is_shared);
 }
 
 void store(uint index, Face face, uint place_in_order)
@@ -179,26 +252,46 @@ void main()
     if (number >= work_count) {
         return;
     }
-    uint index = work[number] & 0x3FFFFFFFu;
+    uint index = work[number] & 0x1FFFFFFFu;
+    uint side = work[number] >> 29 & 1u;
     uint axis = work[number] >> 30;
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
-    uint first = face_index(record, 2u * axis);
+    uint first = face_index(record, 6u * side + 2u * axis);
     uint before = (axis > 0u ? axis_counts.x : 0u) + (axis > 1u ? axis_counts.y : 0u);
 
     vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r));
+    vec3 low = corner, high = corner + 1.0;
+    int cut = cut_axis(record);
+    if (cut >= 0) {
+        float place = corner[cut] + cut_place(record);
+        low[cut] = side == 1u ? place : low[cut];
+        high[cut] = side == 0u ? place : high[cut];
+    }
+    bool is_shared = (record.w >> (6u * (1u - side) + 2u * axis) & 1u) != 0u;
     Sums plus, minus;
+    // Not inside the wall that the cell is cut along.
+    sum_parts(is_shared && cut != int(axis) ? record : uvec4(0u), uint(max(cut, 0)), plus, minus);
+    if (side == 1u && plus.area > 0u) {
+        low[cut] = max(low[cut], corner[cut] + float(plus.position[cut]) / float(plus.area));
+    } else if (side == 0u && minus.area > 0u) {
+        high[cut] = min(high[cut], corner[cut] + float(minus.position[cut]) / float(minus.area));
+    }
     sum_parts(record, axis, plus, minus);
     if (plus.area == 0u && minus.area == 0u) {
         plus.area = 1u;  // so little of a surface that it was rounded away: black, at the cell's corner
     }
     Face front = mean_face(plus, 2u * axis, corner);
     Face back = mean_face(minus, 2u * axis + 1u, corner);
-    find_surfaces(front, back, record, corner);
+    find_surfaces(front, back, record, int(axis), corner, low, high, is_shared);
     // The side that nothing was made for is the back of a sheet: the same surface, turned over.
     if (plus.area == 0u) {
         front = turned_over(back);
     } else if (minus.area == 0u) {
         back = turned_over(front);
+    }
+    if (is_shared) {  // half of the area on each side
+        front.reflectance.a *= sqrt(0.5);
+        back.reflectance.a *= sqrt(0.5);
     }
     store(first, front, number + before);
     store(first + 1u, back, number + before + axis_counts[axis]);
