@@ -22,7 +22,9 @@ Guide guide_at(vec3 position, vec3 geometric_normal)
     ivec3 cell = clamp(ivec3(floor(position)), ivec3(0), grid_size - 1);
     uint entry = texelFetch(guide_numbers_tex, cell / BRICK, 0).r;
     if (has_guide(entry, guide.facing)) {
-        guide.first = guide_number(entry, guide.facing) * uint(GUIDE_TEXELS);
+        uint first = guide_number(entry, guide.facing) * uint(GUIDE_TEXELS);
+        bool is_empty = texelFetch(guides_tex, list_texel(first), 0) == vec4(0.0);  // light is too even for one
+        guide.first = is_empty ? NONE_INDEX : first;
     }
     return guide;
 }

@@ -14,6 +14,7 @@ layout(binding = IMG_0, rgba8) writeonly uniform image2D guides_img;
 
 const float OWN_WEIGHT = 4.0;    // of a brick or bin, against 1 of each neighbour
 const float EVEN_SHARE = 0.05;   // of the directions that are drawn evenly
+const float EVEN_ENOUGH = 0.1;   // concentration up to which rays that are spread evenly do better
 
 void main()
 {
@@ -63,6 +64,14 @@ void main()
     for (int bin = 0; bin < GUIDE_BINS; ++bin) {
         float share = total > 0.0 ? shares[bin] / total : 0.0;
         shares[bin] = mix(share, 1.0 / float(GUIDE_BINS), total > 0.0 ? EVEN_SHARE : 1.0);
+    }
+    float concentration = -1.0;  // variance of light over directions, relative to its mean's square
+    for (int bin = 0; bin < GUIDE_BINS; ++bin) {
+        concentration += float(GUIDE_BINS) * shares[bin] * shares[bin];
+    }
+    if (concentration < EVEN_ENOUGH) {
+        imageStore(guides_img, list_texel(number * uint(GUIDE_TEXELS)), vec4(0.0));  // no guide after all
+        return;
     }
     // From the finest squares up: a texel for each four, and their sum in place.
     uint level_first = (number + 1u) * uint(GUIDE_TEXELS);
