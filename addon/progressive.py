@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -101,7 +101,7 @@ class Progressive:
         self._clock = clock
         self._target: Target | None = None  # what the pipeline was prepared for
         self._size = (0, 0)  # at which
-        self._steps: Iterator[Any] | None = None
+        self._steps: Generator[Any, None, None] | None = None
         self._text = ""
         self._is_sampling = False  # or else preparing
         self._is_draft = False
@@ -135,6 +135,15 @@ class Progressive:
             self._steps = self._target = None
             raise
         return is_new
+
+    def stop(self) -> None:
+        """Ends what is half done, which frees what it had for itself. Called where the pipeline's context is current.
+
+        The next call of :meth:`work` begins anew.
+        """
+        steps, self._steps, self._target = self._steps, None, None
+        if steps is not None:
+            steps.close()
 
     @property
     def output(self) -> str:

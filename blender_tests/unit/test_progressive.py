@@ -27,7 +27,7 @@ class Counting:
         self.film = SimpleNamespace(samples=0, is_converged=False)
         self.log: list[Any] = []
         self.drafts: list[tuple[bool, bool]] = []  # whether light is taken over, and whether there is some
-        self.fails = False
+        self.fails = self.at_work = False
         self.enough = 1000
         self._preparation = preparation
         self._seconds_per_pixel = seconds_per_pixel
@@ -37,11 +37,15 @@ class Counting:
         return self.now
 
     def _steps(self, count: int, text: str) -> Iterator[Any]:
-        for _ in range(count):
-            self.now += STEP
-            if self.fails:
-                raise RuntimeError("no more memory")
-            yield SimpleNamespace(text=text)
+        self.at_work = True
+        try:
+            for _ in range(count):
+                self.now += STEP
+                if self.fails:
+                    raise RuntimeError("no more memory")
+                yield SimpleNamespace(text=text)
+        finally:
+            self.at_work = False
 
     def want(self, names: set[str]) -> None:
         self.wanted = names
@@ -176,6 +180,21 @@ def test_what_failed_is_begun_anew() -> None:
         work.work(what, 1.0)
     pipeline.fails = False
     assert work.work(what, 1.0)
+
+
+def test_what_is_stopped_is_ended_there_and_begun_anew() -> None:
+    pipeline = Counting()
+    work, what = progressive(pipeline), target()
+    work.stop()
+    work.work(what, STEP)
+    assert pipeline.at_work
+    steps = work._steps  # as an error's traceback may hold it
+    work.stop()
+    assert not pipeline.at_work and steps is not None
+    work.stop()
+    assert not work.status(what).is_done
+    finish(work, what)
+    assert pipeline.film.samples == 3
 
 
 def test_a_film_below_its_noise_threshold_is_done() -> None:
