@@ -1,24 +1,32 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """GL objects in a context of Blender's whose owner is gone: they can only be freed while that context is current.
 
-Blender lets go of a viewport's engine at any time. It is freed in the next drawing of a 3D view.
+Blender lets go of a viewport's engine at any time. It is freed at once or in the next drawing of a 3D view.
 """
 
 from __future__ import annotations
 
 import contextlib
+import sys
+from collections.abc import Callable
 from typing import Any
 
 import bpy
 
-_waiting: list[tuple[Any, Any]] = []  # pipeline, and the context it lives in
+#: Arguments of :func:`free`.
+_waiting: list[tuple[Any, Any, Callable[[], None] | None]] = []
 _handler: Any = None  # of Blender, while there is something to free
 
 
-def abandon(pipeline: Any, context: Any) -> None:
-    """Frees ``pipeline`` and ``context`` when the context is current again. To be called anywhere."""
+def abandon(context: Any, pipeline: Any, before: Callable[[], None] | None = None) -> None:
+    """Frees as :func:`free`: now where the context is current, else when it is again. To be called anywhere."""
     global _handler
-    _waiting.append((pipeline, context))
+    if sys.is_finalizing():
+        return  # the context ends as well
+    if context.is_current:
+        free(context, pipeline, before)
+        return
+    _waiting.append((context, pipeline, before))
     if _handler is None and not bpy.app.background:
         with contextlib.suppress(Exception):  # Blender is ending
             _handler = bpy.types.SpaceView3D.draw_handler_add(_on_draw, (), "WINDOW", "POST_PIXEL")
@@ -27,17 +35,21 @@ def abandon(pipeline: Any, context: Any) -> None:
 def free_abandoned() -> None:
     """Frees what lives in the context that is current."""
     for entry in list(_waiting):
-        pipeline, context = entry
-        if context.is_current:
+        if entry[0].is_current:
             _waiting.remove(entry)
-            free(pipeline, context)
+            free(*entry)
 
 
-def free(pipeline: Any, context: Any) -> None:
-    """Frees both, either of which may be None, in the context that is current."""
+def free(context: Any, pipeline: Any, before: Callable[[], None] | None = None) -> None:
+    """Frees ``pipeline`` and ``context``, either of which may be None. The context must be current.
+
+    ``before``: what is to be called first, to end what was left half done in the pipeline.
+    """
     if context is None:
         return
     with context.guard():
+        if before is not None:
+            before()
         if pipeline is not None:
             pipeline.release()
         context.release()

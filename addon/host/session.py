@@ -106,6 +106,8 @@ class Session:
         self._context: Any = None
         self._pipeline: Any = None
         self._render_number = -1  # of the last picture
+        #: Ends what was left half done in the pipeline, before it is freed: called where its context is current.
+        self.before_release: Callable[[], None] | None = None
 
     def synchronize(
         self,
@@ -230,21 +232,24 @@ class Session:
 
     def release(self) -> None:
         """Frees everything on the GPU. The context that :meth:`render` had must be current."""
-        pipeline, context = self._pipeline, self._context
-        self._pipeline = self._context = None
-        free(pipeline, context)
+        free(*self._hand_over())
 
     def __del__(self) -> None:
         self._let_go()  # this may be any thread
 
     def _let_go(self) -> None:
         """Has everything on the GPU freed, when its context is current again."""
-        pipeline, context = self._pipeline, self._context
-        self._pipeline = self._context = None
+        context, pipeline, before = self._hand_over()
         if context is not None and not self.thread.own:
-            abandon(pipeline, context)
+            abandon(context, pipeline, before)
             context = None
-        self.thread.end((lambda: free(pipeline, context)) if context is not None else None)
+        self.thread.end((lambda: free(context, pipeline, before)) if context is not None else None)
+
+    def _hand_over(self) -> tuple[Any, Any, Callable[[], None] | None]:
+        """The context, what lives in it, and what is to be called before that is freed: no longer the session's."""
+        found = self._context, self._pipeline, self.before_release
+        self._context = self._pipeline = self.before_release = None
+        return found
 
     def _ensure_pipeline(self) -> None:
         from ..gpu.context import GpuContext

@@ -8,6 +8,7 @@ region (display.py).
 from __future__ import annotations
 
 import dataclasses
+import functools
 import logging
 import re
 import time
@@ -18,7 +19,7 @@ from typing import Any
 from ..progressive import Progressive, Status, Target
 from . import session
 from .backend import viewport_has_own_context
-from .display import Display, SharedDisplay, UploadedDisplay
+from .display import Display, Inbox, SharedDisplay, UploadedDisplay
 from .session import Session
 
 #: Frames per second that are aimed at while something moves, where the setting says 0.
@@ -48,6 +49,34 @@ def frame_seconds(fps: int, renderer: str) -> float:
     return 1.0 / (fps or (FPS_CPU if not renderer or _SOFTWARE.search(renderer) else FPS_GPU))
 
 
+class Slices:
+    """What slices of work need and leave behind, and nothing else: the last may end after its viewport has gone, and
+    then all that it holds ends on the thread of the pipeline.
+    """
+
+    def __init__(self, session: Session, inbox: Inbox) -> None:
+        self.progressive: Progressive | None = None
+        self.status = Status("", False)
+        self.reported: Target | None = None  # whose status that is
+        self.facts = ""
+        self.renderer = ""
+        self._session = session
+        self._inbox = inbox
+
+    def run(self, target: Target, seconds: float) -> None:
+        """One slice of work, in the context of the pipeline."""
+        with self._session.pipeline() as pipeline:
+            if self.progressive is None or self.progressive.pipeline is not pipeline:
+                self.progressive = Progressive(pipeline)
+                self._session.before_release = self.progressive.stop
+                self._inbox.begin(pipeline.gpu)
+                self.renderer = pipeline.gpu.renderer
+            if self.progressive.work(target, seconds):
+                self._inbox.keep(pipeline.film, self.progressive.output)
+            self.status, self.reported = self.progressive.status(target), target
+            self.facts = _facts(pipeline)
+
+
 class Viewport:
     """Reads the scene when it changes, and draws as much as there is time for."""
 
@@ -55,17 +84,13 @@ class Viewport:
         self.problem: str | None = None  # why there is no picture, in one sentence
         self.draws = 0
         self.session = Session(own_context=viewport_has_own_context())
-        self._display: Display | None = None
-        self._progressive: Progressive | None = None
+        self._display: Display = UploadedDisplay() if self.session.thread.own else SharedDisplay()
+        self._slices = Slices(self.session, self._display.inbox)
         self._view: Any = None
         self._scene: Any = None
         self._seen: tuple[Any, ...] = ()  # what the target was made from: by identity the scene and the view
         self._target: Target | None = None
         self._slice: Future[None] | None = None  # at work
-        self._status = Status("", False)
-        self._reported: Target | None = None  # whose status that is
-        self._facts = ""
-        self._renderer = ""
         self._draw_ms = 0.0
         viewports.add(self)
 
@@ -76,17 +101,19 @@ class Viewport:
             return True
         if self._slice is not None:
             return False
-        return self._target is None or (self._reported is self._target and self._status.is_done)
+        return self._target is None or (self._slices.reported is self._target and self._slices.status.is_done)
 
     @property
     def is_lit(self) -> bool:
         """Whether there is a picture."""
-        return self._progressive is not None and self._progressive.shown_samples > 0
+        progressive = self._slices.progressive
+        return progressive is not None and progressive.shown_samples > 0
 
     @property
     def statistics(self) -> dict[str, Any]:
         """Of the picture: as the pipeline tells them, with the size that is shown."""
-        return self._progressive.pipeline.statistics() if self._progressive is not None else {}
+        progressive = self._slices.progressive
+        return progressive.pipeline.statistics() if progressive is not None else {}
 
     def update(self, context: Any, depsgraph: Any) -> None:
         """The scene changed, or is seen for the first time. Touches no graphics. Raises nothing."""
@@ -114,7 +141,7 @@ class Viewport:
         except Exception as error:
             self._fail(error)
         try:
-            if self._display is not None and self._view is not None:
+            if self._view is not None:
                 self._display.draw(self._view.box)
         except Exception as error:
             self._fail(error)
@@ -145,9 +172,9 @@ class Viewport:
         target = self._target
         if target is None or self.problem is not None or self.is_done:
             return
-        seconds = frame_seconds(target.settings.viewport_fps, self._renderer)
+        seconds = frame_seconds(target.settings.viewport_fps, self._slices.renderer)
         if self._slice is None:
-            self._slice = self.session.thread.start(lambda: self._run(target, seconds))
+            self._slice = self.session.thread.start(functools.partial(self._slices.run, target, seconds))
         wait([self._slice], seconds)
         if self._slice.done():
             done, self._slice = self._slice, None
@@ -155,19 +182,6 @@ class Viewport:
                 done.result()
             finally:
                 del done  # else its error's traceback, which has this frame, would keep itself and the viewport alive
-
-    def _run(self, target: Target, seconds: float) -> None:
-        """One slice of work, in the context of the pipeline."""
-        with self.session.pipeline() as pipeline:
-            if self._progressive is None or self._progressive.pipeline is not pipeline:
-                self._progressive = Progressive(pipeline)
-                self._display = UploadedDisplay() if self.session.thread.own else SharedDisplay(pipeline.gpu)
-                self._renderer = pipeline.gpu.renderer
-            assert self._display is not None
-            if self._progressive.work(target, seconds):
-                self._display.keep(pipeline.film, self._progressive.output)
-            self._status, self._reported = self._progressive.status(target), target
-            self._facts = _facts(pipeline)
 
     def _fail(self, error: Exception) -> None:
         """Keeps what to tell the user. Nothing is tried again until something changes."""
@@ -177,7 +191,8 @@ class Viewport:
 
     def _describe(self) -> str:
         """State, samples, voxels, memory and time in one line."""
-        return " | ".join(part for part in (self._status.text, self._facts, f"{self._draw_ms:.0f} ms") if part)
+        parts = self._slices.status.text, self._slices.facts, f"{self._draw_ms:.0f} ms"
+        return " | ".join(part for part in parts if part)
 
 
 def _facts(pipeline: Any) -> str:

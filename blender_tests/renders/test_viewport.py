@@ -72,6 +72,7 @@ class StandInSession:
         self.next_scene = SceneData((), (), (), (), None, CameraData(np.eye(4), np.eye(4)))
         self.error: Exception | None = None
         self.knows_scene = self.is_whole_reading = False
+        self.before_release: Any = None
 
     def synchronize(self, depsgraph: Any, resolution: tuple[int, int], **_: Any) -> None:
         self.scene = None
@@ -89,16 +90,31 @@ class StandInSession:
 
 
 class StandInDisplay:
-    def __init__(self, *_: Any) -> None:
-        self.kept = 0
+    """One that tells on which thread it ends."""
+
+    ended_on: list[threading.Thread] = []
+
+    def __init__(self) -> None:
+        self.inbox = StandInInbox()
         self.drawn: list[tuple[int, ...]] = []
+
+    def draw(self, box: tuple[int, ...]) -> None:
+        self.drawn.append(box)
+
+    def __del__(self) -> None:
+        self.ended_on.append(threading.current_thread())
+
+
+class StandInInbox:
+    def __init__(self) -> None:
+        self.kept = 0
+
+    def begin(self, context: Any) -> None:
+        self.context = context
 
     def keep(self, film: Any, name: str) -> None:
         self.name = name
         self.kept += 1
-
-    def draw(self, box: tuple[int, ...]) -> None:
-        self.drawn.append(box)
 
 
 class Window:
@@ -156,7 +172,7 @@ def test_from_the_first_draw_to_the_last(window: Window) -> None:
     window.finish()
     assert window.draw().startswith("Sample 3/3 | 1 MiB | ")
     display = window.viewport._display
-    assert isinstance(display, StandInDisplay) and display.kept >= 2 and display.drawn[-1] == (0, 0, 40, 20)
+    assert isinstance(display, StandInDisplay) and display.inbox.kept >= 2 and display.drawn[-1] == (0, 0, 40, 20)
     count = len(window.prepared)
     window.viewport.update(window.context, window.depsgraph)  # something that is not in the picture
     window.draw()
@@ -202,7 +218,7 @@ def test_every_pass_that_can_be_chosen_is_an_output(window: Window) -> None:
         window.draw()
         window.finish()
         assert window.session.stand_in.wanted <= set(OUTPUTS)
-        assert {window.viewport._display.name} == window.session.stand_in.wanted
+        assert {window.viewport._display.inbox.name} == window.session.stand_in.wanted
 
 
 def test_errors_are_said_and_not_raised(window: Window) -> None:
@@ -277,6 +293,20 @@ def test_a_slice_at_work_is_not_forgotten(window: Window) -> None:
     assert window.viewport._slice is at_work, "there is never a second one"
     window.session.stand_in.gate.set()
     window.finish()
+
+
+def test_a_viewport_ends_where_blender_draws(window: Window) -> None:
+    """At once and on this thread, whatever is still at work on its own."""
+    window.session.stand_in.gate.clear()
+    if not window.session.thread.own:
+        window.session.stand_in.gate.set()
+    StandInDisplay.ended_on.clear()
+    window.change()
+    window.draw()
+    gone = weakref.ref(window.viewport)
+    del window.viewport
+    assert gone() is None and StandInDisplay.ended_on == [threading.current_thread()]
+    window.session.stand_in.gate.set()
 
 
 def test_a_display_that_fails_is_said(window: Window, monkeypatch: pytest.MonkeyPatch) -> None:
