@@ -14,9 +14,6 @@ from .voxel_numbers import guide_entries
 from .voxelize import Voxels
 from .world import WorldLight
 
-#: Share of the rays that guides leave as they are: pass gather draws every second one by a guide.
-EVEN_RAYS = 0.5
-
 _BINS = interface.GUIDE_SIDE**2
 
 
