@@ -59,12 +59,12 @@ struct Drawn {
 };
 
 #if HAS_GUIDES
-// Veach and Guibas 1995, "Optimally Combining Sampling Techniques": the balance heuristic. Which way a pixel begins with
-// alternates between neighbours. Either way takes one point after the other of its own sequence.
-Drawn draw(Pixel p, Guide guide, uint index, uint turn, uvec2 shift)
+// Veach and Guibas 1995, "Optimally Combining Sampling Techniques": the balance heuristic. Of each pair of rays one is
+// guided, which one is random. Either way takes one point after the other of its own sequence.
+Drawn draw(Pixel p, Guide guide, uint index, uint seed, uvec2 shift)
 {
     bool has_choice = guide.first != NONE_INDEX;
-    bool guided = has_choice && ((index + turn) & 1u) == 1u;
+    bool guided = has_choice && ((index ^ hash(seed, index >> 1)) & 1u) == 1u;
     vec2 u = sample_2d(has_choice ? index >> 1 : index, guided ? shift + 0x9E3779B9u : shift);
     vec3 direction = guided ? sample_guide(guide, u) : sample_cosine(p.normal, u);
     float even = max(dot(direction, p.normal), 0.0) / PI;
@@ -116,7 +116,7 @@ void main()
         for (uint k = 0u; k < ray_count; ++k) {
             uint index = sample_index * ray_count + k;
 #if HAS_GUIDES
-            Drawn drawn = draw(p, guide, index, uint(at.x + at.y), shift);
+            Drawn drawn = draw(p, guide, index, seed, shift);
 #else
             Drawn drawn = draw(p, index, shift);
 #endif
