@@ -129,7 +129,10 @@ def _done(work: Callable[[], Result]) -> Future[Result]:
         future.set_result(work())
     except BaseException as error:
         future.set_exception(error)
-    return future
+    try:
+        return future
+    finally:
+        del future, work  # the error's traceback has this frame, and would keep itself alive and all that was at work
 
 
 _background_has_gl: bool | None = None

@@ -98,6 +98,7 @@ class Viewport:
             self.session.synchronize(depsgraph, size, camera=view.camera, viewport=context.space_data)
             self.problem = None
         except Exception as error:
+            self.session.forget()
             self._fail(error)
 
     def draw(self, context: Any, depsgraph: Any, pixel_size: int) -> str:
@@ -150,7 +151,10 @@ class Viewport:
         wait([self._slice], seconds)
         if self._slice.done():
             done, self._slice = self._slice, None
-            done.result()
+            try:
+                done.result()
+            finally:
+                del done  # else its error's traceback, which has this frame, would keep itself and the viewport alive
 
     def _run(self, target: Target, seconds: float) -> None:
         """One slice of work, in the context of the pipeline."""
@@ -170,7 +174,6 @@ class Viewport:
         if not session.is_expected(error):
             _log.error("Conelight: unexpected error in a viewport", exc_info=error)
         self.problem = session.sentence(error)
-        self._slice = None
 
     def _describe(self) -> str:
         """State, samples, voxels, memory and time in one line."""

@@ -55,6 +55,7 @@ def test_geometry_passes(gpu: GpuContext) -> None:
     )  # fmt: skip
     with pipeline(gpu, made, scenes.settings(16), (32, 32), samples=2, outputs=PASSES) as ready:
         found = {name: ready.film.read(name) for name in PASSES}
+        assert (ready.film.read_mean("depth")[..., 3] == 1.0).all(), "on a screen it is opaque everywhere"
     x = 0.2 + 4.0 * ((np.arange(32) + 0.5) / 32 - 0.5)
     y = 0.1 + 4.0 * ((np.arange(32) + 0.5) / 32 - 0.5)
     up = np.array([0.0, 1.0, 0.0])  # of the camera, as scenes.axes_along turns it

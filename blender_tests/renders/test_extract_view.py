@@ -49,7 +49,8 @@ def view(scene: Any, projection: np.ndarray, kind: str = "PERSP", matrix: Any = 
     data = SimpleNamespace(
         window_matrix=projection, view_matrix=np.eye(4) if matrix is None else matrix, view_perspective=kind
     )
-    none = {"use_render_border": False, "use_local_camera": False, "camera": None}
+    none: dict[str, Any] = {"use_render_border": False, "use_local_camera": False, "camera": None}
+    none["overlay"] = SimpleNamespace(show_camera_passepartout=True)
     return extract_view(REGION, data, SimpleNamespace(**(none | space)), scene)
 
 
@@ -104,8 +105,29 @@ def test_what_a_passepartout_hides_is_not_rendered(scene: Any) -> None:
     lens = scene.camera.data
     lens.passepartout_alpha = 1.0
     assert view(scene, half, "CAMERA").box == (50, 0, 100, 100)
+    for shown, box in ((True, (50, 0, 100, 100)), (False, (0, 0, 200, 100))):
+        overlay = SimpleNamespace(show_camera_passepartout=shown)
+        assert view(scene, half, "CAMERA", overlay=overlay).box == box
+    assert "show_camera_passepartout" in bpy.types.View3DOverlay.bl_rna.properties, "Blender calls it so"
     lens.show_passepartout = False
     assert view(scene, half, "CAMERA").box == (0, 0, 200, 100)
+
+
+@pytest.mark.parametrize(
+    ("border", "box"),
+    [
+        ((-0.5, -0.5, 0.5, 0.5), (0, 0, 100, 50)),
+        ((1.2, 0.0, 1.9, 1.0), (199, 0, 1, 100)),
+        ((-0.9, -0.9, -0.1, -0.2), (0, 0, 1, 1)),
+        ((0.5, 0.5, 0.501, 0.501), (100, 50, 1, 1)),
+        ((0.5, 0.2, 0.5, 0.8), (0, 0, 200, 100)),
+    ],
+    ids=["partly outside", "right of it", "below it, on the left", "less than a pixel", "empty"],
+)
+def test_a_border_on_the_pixels_of_a_region(border: Any, box: tuple[int, ...]) -> None:
+    from addon.host.extract.view import pixel_box
+
+    assert pixel_box(border, (200, 100)) == box
 
 
 def test_the_frame_follows_shift_and_sensor(scene: Any) -> None:

@@ -5,7 +5,11 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import gc
+import logging
+import threading
 import time
+import weakref
 from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -32,6 +36,8 @@ class StandInPipeline:
         self.film = SimpleNamespace(samples=0, is_converged=False)
         self.prepared: list[SceneData] = []
         self.seconds = 0.0
+        self.gate = threading.Event()  # work stops before it
+        self.gate.set()
         self.error: Exception | None = None
 
     def want(self, names: set[str]) -> None:
@@ -48,6 +54,7 @@ class StandInPipeline:
 
     def sample(self) -> Iterator[Any]:
         time.sleep(self.seconds)
+        self.gate.wait(10.0)
         self.film.samples += 1
         yield SimpleNamespace(text="Surfaces")
 
@@ -64,12 +71,17 @@ class StandInSession:
         self.stand_in = StandInPipeline()
         self.next_scene = SceneData((), (), (), (), None, CameraData(np.eye(4), np.eye(4)))
         self.error: Exception | None = None
+        self.knows_scene = self.is_whole_reading = False
 
     def synchronize(self, depsgraph: Any, resolution: tuple[int, int], **_: Any) -> None:
         self.scene = None
         if self.error is not None:
             raise self.error
         self.scene = self.next_scene
+        self.is_whole_reading, self.knows_scene = not self.knows_scene, True
+
+    def forget(self) -> None:
+        self.scene, self.knows_scene = None, False
 
     @contextlib.contextmanager
     def pipeline(self) -> Iterator[Any]:
@@ -96,6 +108,7 @@ class Window:
         from addon.host.viewport import Viewport
 
         self.viewport = Viewport()
+        self.session: Any = self.viewport.session
         self.depsgraph = SimpleNamespace(scene=bpy.context.scene)
         data = SimpleNamespace(window_matrix=np.eye(4), view_matrix=np.eye(4), view_perspective="PERSP")
         data.window_matrix[2:, 2:] = [[-1, -0.2], [-1, 0]]
@@ -104,10 +117,6 @@ class Window:
             region=SimpleNamespace(width=40, height=20), region_data=data, space_data=space
         )
         self.pixel_size = 1
-
-    @property
-    def session(self) -> Any:
-        return self.viewport.session
 
     @property
     def prepared(self) -> list[SceneData]:
@@ -217,6 +226,57 @@ def test_errors_are_said_and_not_raised(window: Window) -> None:
     window.draw()
     window.finish()
     assert "3/3" in window.draw()
+
+
+def test_a_change_that_was_not_read_is_read_later(window: Window) -> None:
+    window.change()
+    window.change()
+    assert not window.session.is_whole_reading
+    region_data, window.context.region_data = window.context.region_data, None
+    window.change()
+    assert window.viewport.problem is not None and window.session.scene is None
+    window.context.region_data = region_data
+    window.change()
+    assert window.viewport.problem is None and window.session.is_whole_reading
+
+
+@pytest.mark.parametrize("of", ["scene", "render"])
+def test_an_error_keeps_no_viewport_alive(window: Window, of: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the garbage collector: it may run on any thread, and never does between two edits."""
+    monkeypatch.setattr(logging.getLogger("addon.host.viewport"), "disabled", True)  # pytest keeps what is logged
+    failing = window.session if of == "scene" else window.session.stand_in
+    failing.error = MemoryError("lower the voxel resolution")
+    gone = weakref.ref(window.viewport)
+    gc.collect()
+    gc.disable()
+    try:
+        window.change()
+        window.draw()
+        window.finish()
+        assert window.viewport.problem == "lower the voxel resolution"
+        failing.error = None  # it has its traceback with it
+        del window.viewport
+        assert gone() is None
+    finally:
+        gc.enable()
+
+
+def test_a_slice_at_work_is_not_forgotten(window: Window) -> None:
+    if not window.session.thread.own:
+        pytest.skip("without a thread of its own a slice is done when a draw is")
+    window.session.stand_in.gate.clear()
+    window.change()
+    window.draw()
+    at_work = window.viewport._slice
+    window.session.error = ValueError("odd data")
+    window.change()
+    assert window.viewport._slice is at_work is not None
+    window.session.error = None
+    window.change()
+    window.draw()
+    assert window.viewport._slice is at_work, "there is never a second one"
+    window.session.stand_in.gate.set()
+    window.finish()
 
 
 def test_a_display_that_fails_is_said(window: Window, monkeypatch: pytest.MonkeyPatch) -> None:

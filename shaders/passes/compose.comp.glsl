@@ -113,7 +113,7 @@ vec4 composed(ivec2 at)
     return (position.w == 0.0 ? vec4(world_along(direction) * exposure, 1.0) : vec4(0.0));
 #elif OUTPUT == OUTPUT_DEPTH
     float depth = dot(position.xyz - camera_position, camera_forward) * cell_size;
-    return vec4(position.w > 0.0 ? depth : 1e10);
+    return vec4(vec3(position.w > 0.0 ? depth : 1e10), 1.0);
 #elif OUTPUT == OUTPUT_NORMAL
     return vec4(is_surface ? p.normal : vec3(0.0), 1.0);
 #elif OUTPUT == OUTPUT_POSITION

@@ -82,12 +82,18 @@ def part_of(frame: Border, part: Border) -> Border:
 
 
 def pixel_box(border: Border, size: tuple[int, int]) -> tuple[int, int, int, int]:
-    """Left, bottom, width and height of a border on whole pixels of a region; the whole of it where that is empty."""
-    x0, x1 = (min(max(round(edge * size[0]), 0), size[0]) for edge in (border[0], border[2]))
-    y0, y1 = (min(max(round(edge * size[1]), 0), size[1]) for edge in (border[1], border[3]))
-    if x1 <= x0 or y1 <= y0:
+    """Left, bottom, width and height of a border on whole pixels of a region, at least one; all where it is empty."""
+    if border[2] <= border[0] or border[3] <= border[1]:
         return (0, 0, *size)
-    return x0, y0, x1 - x0, y1 - y0
+    left, width = _pixel_span(border[0], border[2], size[0])
+    bottom, height = _pixel_span(border[1], border[3], size[1])
+    return left, bottom, width, height
+
+
+def _pixel_span(low: float, high: float, count: int) -> tuple[int, int]:
+    """First and number of those of ``count`` pixels that lie between two edges in 0..1; the nearest where none does."""
+    first = min(max(round(low * count), 0), count - 1)
+    return first, max(min(round(high * count), count) - first, 1)
 
 
 def picture_size(box: tuple[int, int, int, int], pixel_size: int) -> tuple[int, int]:
@@ -116,7 +122,10 @@ def _border(region_data: Any, space: Any, scene: Any, projection: DoubleArray) -
         )  # fmt: skip
     camera = space.camera if space.use_local_camera and space.camera is not None else scene.camera
     lens = camera.data if camera is not None and camera.type == "CAMERA" else None
-    hides_surroundings = lens is not None and lens.show_passepartout and lens.passepartout_alpha >= 1.0
+    hides_surroundings = (
+        space.overlay.show_camera_passepartout
+        and lens is not None and lens.show_passepartout and lens.passepartout_alpha >= 1.0
+    )  # fmt: skip
     if lens is None or not (render.use_border or hides_surroundings):
         return WHOLE
     frame = frame_in_region(np.array(lens.view_frame(scene=scene), np.float64), projection)
