@@ -95,6 +95,10 @@ class Features:
         gather_cones = gather and settings.gather_mode == "CONES"
         bounces = needs_radiance and settings.bounces > 0
         needs_links = bounces or (needs_radiance and (world or emission))
+        # Guides know what surfaces pass on, and the world. Where rays alone find emitters, and where directions of the
+        # world are drawn, they would send rays away from what those still have to find.
+        guided = needs_links and gather and settings.gather_mode == "RAYS"
+        guided = guided and not (gathers_emission and not draws_at_pixels) and not draws_world
         visible = any(
             light.visibility & RayVisibility.CAMERA
             and (
@@ -121,7 +125,7 @@ class Features:
             needs_radiance=needs_radiance,
             bounces=bounces,
             needs_links=needs_links,
-            has_guides=needs_links and gather and settings.gather_mode == "RAYS",
+            has_guides=guided,
             shadow_cones=shadow_cones,
             gather_cones=gather_cones,
             needs_cones=shadow_cones or gather_cones,

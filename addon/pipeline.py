@@ -143,9 +143,12 @@ class Pipeline:
         Raises PipelineError, MemoryError, ShaderError. A generator that is not run to its end leaves no half-done step:
         the next call does that step again.
         """
-        wanted = (settings.voxel_auto, settings.voxel_resolution, settings.memory_budget, settings.bounce_rays)
+        wanted = (
+            settings.voxel_auto, settings.voxel_resolution, settings.memory_budget, settings.bounce_rays, size,
+            scene.meshes, scene.instances,
+        )  # fmt: skip
         while True:
-            resolution = self._coarsened[1] if self._coarsened and self._coarsened[0] == wanted else None
+            resolution = self._coarsened[1] if self._coarsened and _same(self._coarsened[0], wanted) else None
             fitting = settings.with_values(voxel_auto=False, voxel_resolution=resolution) if resolution else settings
             try:
                 yield from self._prepare(scene, fitting, size, follows)
@@ -154,6 +157,7 @@ class Pipeline:
                 tried = choose_resolution(scene, fitting)
                 self._release_voxels()
                 if not self._memo.has("geometry") or tried <= LEAST_RESOLUTION:
+                    self._coarsened = None
                     raise  # not for voxels
                 self._coarsened = wanted, max(tried // 2, LEAST_RESOLUTION)
         if resolution:
@@ -252,7 +256,8 @@ class Pipeline:
             self._guides.release()
             memo.forget("guides")
         elif memo.stale("guides", self._radiance_version):
-            self._guides.run(voxels, self._bounce.radiance[0], self._links, self._world, settings)
+            for _ in self._guides.run(voxels, self._bounce.radiance[0], self._links, self._world, settings):
+                yield Progress(1.0, "Guiding rays")
             memo.done("guides", self._radiance_version)
         if not features.needs_cones:
             self._cones.release()

@@ -169,7 +169,8 @@ class BouncePass:
         if links:
             self._pass(voxels, irradiance, links, first=self.bounces == 0, last=True)  # the last bounce once more
             self.radiance.reverse()
-            yield from self._share(voxels, irradiance)
+            for _ in self._share(voxels, irradiance):
+                yield 1.0
 
     def _total(self, faces: int) -> float:
         with self.gpu.timed("bounce"):

@@ -11,7 +11,6 @@ from ..gpu import interface
 from ..gpu.context import GpuContext
 from .emitters import PIXEL_SAMPLES
 from .frame import Frame, LitVoxels, run_tiles
-from .guide import EVEN_RAYS
 from .world import PIXEL_SAMPLES as WORLD_SAMPLES
 
 
@@ -54,7 +53,6 @@ class DirectPass:
         )
         drawn = features.draws_emitters_at_pixels + features.draws_world_at_pixels
         rays = features.has_lights * lights.count + drawn
-        even = settings.rays * EVEN_RAYS if features.has_guides else settings.rays
         reach = settings.max_distance / lit.voxels.grid.cell_size
 
         def bind() -> None:
@@ -65,14 +63,14 @@ class DirectPass:
             if features.draws_emitters_at_pixels:
                 lit.emitters.bind(kernel, PIXEL_SAMPLES)
                 kernel.set(
-                    gathered_rays=even if features.gathers_emission and frame.gather else 0,
+                    gathered_rays=settings.rays if features.gathers_emission and frame.gather else 0,
                     reflected_rays=1 if features.reflects_emission else 0,
                 )
             if features.draws_world_at_pixels:
                 lit.world.bind_drawn(kernel, WORLD_SAMPLES, table=True)
                 # The world's light is indirect light: what multiplies these pictures later is divided out.
                 kernel.set(
-                    world_rays=even,  # where this pass gathers none, it looks up what others have gathered
+                    world_rays=settings.rays,  # where this pass gathers none, it looks up what others have gathered
                     world_on_diffuse=features.has_diffuse_gather * settings.indirect_amount / settings.direct_amount,
                     world_on_glossy=1.0 / settings.direct_amount,
                     clamp_indirect=settings.clamp_indirect,

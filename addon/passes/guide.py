@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import moderngl
 import numpy as np
 
@@ -14,10 +16,13 @@ from .voxel_numbers import guide_entries
 from .voxelize import Voxels
 from .world import WorldLight
 
-#: Share of the rays that guides leave as they are: pass gather draws every second one by a guide.
-EVEN_RAYS = 0.5
-
 _BINS = interface.GUIDE_SIDE**2
+
+
+#: Links in one dispatch: bounds how long a step takes, so that cancelling is quick.
+LINKS_PER_STEP = 1 << 20
+#: Faces of a brick and facing, about.
+_FACES = 16
 
 
 class GuidePass:
@@ -25,47 +30,76 @@ class GuidePass:
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
-        self._guides: moderngl.Texture | None = None  # rgba8 list
+        self._voxels: Voxels | None = None  # whose bricks are numbered
+        self._work = np.zeros(0, np.uint32)
         self._numbers: moderngl.Texture3D | None = None  # r32ui, bricks
+        self._guides: moderngl.Texture | None = None  # rgba8 list
 
     def run(
         self, voxels: Voxels, radiance: moderngl.Texture, links: LinkPass, world: WorldLight, settings: Settings
-    ) -> None:
-        """Make the guides from what ``links`` bring when faces send ``radiance``."""
-        self.release()
-        gpu, slot, grid = self.gpu, interface.slot, voxels.grid
-        assert links.links is not None
+    ) -> Iterator[float]:
+        """Make the guides from what ``links`` bring when faces send ``radiance``. Yields the share done."""
+        gpu = self.gpu
         with gpu.timed("guides"):
-            bricks = np.frombuffer(voxels.bricks.read(), np.uint32).reshape(-1, 4)
-            cells = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
-            entries, work = guide_entries(bricks, cells)
-            self._numbers = gpu.texture_3d("guides", grid.bricks, 1, "u4", entries)
-            self._guides = gpu.list_texture("guides", len(work) * interface.GUIDE_TEXELS, 4, "f1")
-            bins = gpu.list_texture("guide bins", len(work) * _BINS // 2, 4, "f4")
-            listed = gpu.buffer("guide bins", work)
-            listed.bind_to_storage_buffer(slot("BUF_WORK"))
-
-            kernel = gpu.kernel("guide_collect", world.defines)
-            kernel.set(brick_count=grid.bricks, guide_count=len(work))
-            kernel.set(link_count=links.count, random_seed=settings.seed)
-            voxels.bricks.use(slot("TEX_BRICKS"))
-            voxels.cells.use(slot("TEX_CELLS"))
-            voxels.faces.bind()
-            radiance.use(slot("TEX_FACE_RADIANCE"))
-            links.links.use(slot("TEX_LINKS"))
-            world.bind(kernel)
-            bins.bind_to_image(slot("IMG_0"), read=False, write=True)
-            kernel.run_list(len(work))
-            gpu.barrier()  # bins are read as a texture
-
-            kernel = gpu.kernel("guide_build")
-            kernel.set(brick_count=grid.bricks, guide_count=len(work))
-            bins.use(slot("TEX_GUIDES"))
-            self._numbers.use(slot("TEX_GUIDE_NUMBERS"))
-            self._guides.bind_to_image(slot("IMG_0"), read=False, write=True)
-            kernel.run_list(len(work))
-            gpu.barrier()  # the gather reads guides
+            if self._voxels is not voxels:
+                self._number(voxels)
+            bins = gpu.list_texture("guide bins", len(self._work) * _BINS // 2, 4, "f4")
+            listed = gpu.buffer("guide bins", self._work)
+        try:
+            yield from self._steps(voxels, radiance, links, world, settings, bins, listed)
+        finally:
             gpu.free(bins, listed)
+
+    def _number(self, voxels: Voxels) -> None:
+        """Which guides there are depends on voxels alone."""
+        self.release()
+        bricks = np.frombuffer(voxels.bricks.read(), np.uint32).reshape(-1, 4)
+        cells = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
+        entries, self._work = guide_entries(bricks, cells)
+        self._numbers = self.gpu.texture_3d("guides", voxels.grid.bricks, 1, "u4", entries)
+        self._guides = self.gpu.list_texture("guides", len(self._work) * interface.GUIDE_TEXELS, 4, "f1")
+        self._voxels = voxels
+
+    def _steps(
+        self,
+        voxels: Voxels,
+        radiance: moderngl.Texture,
+        links: LinkPass,
+        world: WorldLight,
+        settings: Settings,
+        bins: moderngl.Texture,
+        listed: moderngl.Buffer,
+    ) -> Iterator[float]:
+        gpu, slot, count = self.gpu, interface.slot, len(self._work)
+        assert links.links is not None and self._numbers is not None and self._guides is not None
+        step = max(interface.GROUP_SIZE, LINKS_PER_STEP // (links.count * _FACES))
+        for first in range(0, count, step):
+            with gpu.timed("guides"):
+                kernel = gpu.kernel("guide_collect", world.defines)
+                kernel.set(brick_count=voxels.grid.bricks, guide_first=first, guide_count=count)
+                kernel.set(link_count=links.count, random_seed=settings.seed)
+                voxels.bricks.use(slot("TEX_BRICKS"))
+                voxels.cells.use(slot("TEX_CELLS"))
+                voxels.faces.bind()
+                radiance.use(slot("TEX_FACE_RADIANCE"))
+                links.links.use(slot("TEX_LINKS"))
+                world.bind(kernel)
+                listed.bind_to_storage_buffer(slot("BUF_WORK"))
+                bins.bind_to_image(slot("IMG_0"), read=False, write=True)
+                kernel.run_list(min(step, count - first))
+            yield 0.5 * first / count
+        gpu.barrier()  # bins are read as a texture
+        for first in range(0, count, step):
+            with gpu.timed("guides"):
+                kernel = gpu.kernel("guide_build")
+                kernel.set(brick_count=voxels.grid.bricks, guide_first=first, guide_count=count)
+                bins.use(slot("TEX_GUIDES"))
+                self._numbers.use(slot("TEX_GUIDE_NUMBERS"))
+                listed.bind_to_storage_buffer(slot("BUF_WORK"))
+                self._guides.bind_to_image(slot("IMG_0"), read=False, write=True)
+                kernel.run_list(min(step, count - first))
+            yield 0.5 + 0.5 * first / count
+        gpu.barrier()  # the gather reads guides
 
     def bind(self) -> None:
         """Bind what lib/guide.glsl reads."""
@@ -76,4 +110,5 @@ class GuidePass:
     def release(self) -> None:
         """Free everything."""
         self.gpu.free(self._guides, self._numbers)
-        self._guides = self._numbers = None
+        self._guides = self._numbers = self._voxels = None
+        self._work = np.zeros(0, np.uint32)

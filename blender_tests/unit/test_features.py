@@ -119,11 +119,13 @@ def test_light_without_lights() -> None:
 )
 def test_concentrated_world(settings: dict[str, Any], added: set[str]) -> None:
     before = features(room(), Settings(**settings), world=True)
-    assert features(room(), Settings(**settings), world=True, concentrated_world=True) - before == added
+    after = features(room(), Settings(**settings), world=True, concentrated_world=True)
+    assert after - before == added
+    assert "guides" not in after or "draws_world_at_pixels" not in added  # what rays still find of it is even
     assert "draws_world_at_pixels" not in features(scenes.scene(), world=True, concentrated_world=True)
 
 
-GATHERED = {"geometry", "emission", "diffuse_gather", "radiance", "links", "guides", "bounces", "gathers_emission"}
+GATHERED = {"geometry", "emission", "diffuse_gather", "radiance", "links", "bounces", "gathers_emission"}
 DRAWN = {"direct", "draws_emitters_at_pixels"}
 
 
@@ -131,26 +133,26 @@ DRAWN = {"direct", "draws_emitters_at_pixels"}
     ("settings", "has", "expected"),
     [
         ({}, {}, GATHERED),
-        ({}, {"small_emitters": True}, GATHERED | DRAWN | {"draws_emitters_at_faces"}),
+        ({}, {"small_emitters": True}, GATHERED | DRAWN | {"draws_emitters_at_faces", "guides"}),
         # Rays alone do not find all of it: they end early, are cones, or are not sent.
-        ({"max_distance": 1.0}, {}, GATHERED | DRAWN),
+        ({"max_distance": 1.0}, {}, GATHERED | DRAWN | {"guides"}),
         (
             {"gather_mode": "CONES"}, {},
-            (GATHERED - {"gathers_emission", "guides"}) | DRAWN | {"gather_cones", "cones"},
+            (GATHERED - {"gathers_emission"}) | DRAWN | {"gather_cones", "cones"},
         ),
         (
             {"gather_mode": "OCCLUSION"}, {},
-            (GATHERED - {"gathers_emission", "radiance", "links", "guides", "bounces"}) | DRAWN | {"gather_occlusion"},
+            (GATHERED - {"gathers_emission", "radiance", "links", "bounces"}) | DRAWN | {"gather_occlusion"},
         ),
         ({"use_indirect": False}, {}, {"geometry", "emission"} | DRAWN),
         ({"bounces": 0}, {}, GATHERED - {"bounces"}),
         # Light straight from emitters is direct light.
         (
             {"use_direct": False}, {"small_emitters": True},
-            (GATHERED - {"gathers_emission"}) | {"draws_emitters_at_faces"},
+            (GATHERED - {"gathers_emission"}) | {"draws_emitters_at_faces", "guides"},
         ),
         ({}, {"specular": True}, GATHERED | {"glossy", "reflects_emission"}),
-        ({}, {"specular": True, "diffuse": False}, (GATHERED - {"diffuse_gather", "guides", "gathers_emission"})
+        ({}, {"specular": True, "diffuse": False}, (GATHERED - {"diffuse_gather", "gathers_emission"})
          | {"glossy", "reflects_emission"}),
     ],
 )  # fmt: skip

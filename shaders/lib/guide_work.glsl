@@ -6,7 +6,8 @@
 layout(std430, binding = BUF_WORK) readonly buffer GuideWorkList { uint guide_work[]; };  // number of the brick << 3 | facing
 
 uniform ivec3 brick_count;
-uniform uint guide_count;
+uniform uint guide_first;  // of this dispatch
+uniform uint guide_count;  // of all
 
 const int GUIDE_BINS = GUIDE_SIDE * GUIDE_SIDE;
 const float GUIDE_POWER = 1.5;  // between mean radiance, which rays should follow where a bin is evenly lit, and its root

@@ -9,8 +9,8 @@
 // has nothing sharp, and is shared between pixels as all light is.
 // FILLS: only for pixels whose light has a negative w; direct light has brought what GLOW_IS_DIRECT is about.
 // HAS_GUIDES: half of the rays are drawn by guides, the other half evenly, by the cosine; each is weighed by the chance that
-// either would have sent it there. Where something is drawn besides (GLOW_IS_DIRECT, WORLD_IS_DRAWN), even rays alone look
-// for it: the other passes that weigh it know of no guides.
+// either would have sent it there. Against what is drawn besides (GLOW_IS_DIRECT, WORLD_IS_DRAWN) rays are weighed as if all
+// were drawn evenly: other passes that weigh it know of no guides, and any weights that add up to 1 are right.
 // KEEPS_NEARNESS: nearness_img: sum over passes of the mean of 1 / distance, 1/cells; w of incoming_out: its mean.
 
 #include "lib/incoming.glsl"
@@ -54,32 +54,30 @@ uniform uint random_seed;
 // One direction of a pixel.
 struct Drawn {
     vec3 direction;
-    float weight;        // of what it brings: cosine / pi / chance for each steradian; 0 where the surface is in the way
-    float even_weight;   // the same where even rays alone look for it
-    float even_density;  // even rays for each steradian
+    float weight;   // of what it brings: cosine / pi / chance for each steradian; 0 where the surface is in the way
+    float density;  // rays for each steradian, were all drawn evenly
 };
 
 #if HAS_GUIDES
-// Veach and Guibas 1995, "Optimally Combining Sampling Techniques": the balance heuristic. Which way a pixel begins with
-// alternates between neighbours. Either way takes one point after the other of its own sequence.
-Drawn draw(Pixel p, Guide guide, uint index, uint turn, uvec2 shift)
+// Veach and Guibas 1995, "Optimally Combining Sampling Techniques": the balance heuristic. Of each pair of rays one is
+// guided, which one is random. Either way takes one point after the other of its own sequence.
+Drawn draw(Pixel p, Guide guide, uint index, uint seed, uvec2 shift)
 {
     bool has_choice = guide.first != NONE_INDEX;
-    bool guided = has_choice && ((index + turn) & 1u) == 1u;
+    bool guided = has_choice && ((index ^ hash(seed, index >> 1)) & 1u) == 1u;
     vec2 u = sample_2d(has_choice ? index >> 1 : index, guided ? shift + 0x9E3779B9u : shift);
     vec3 direction = guided ? sample_guide(guide, u) : sample_cosine(p.normal, u);
     float even = max(dot(direction, p.normal), 0.0) / PI;
     float chance = has_choice ? 0.5 * even + 0.5 * guide_density(guide, direction) : even;
     float leaves = dot(direction, p.geometric_normal) > 0.0 ? 1.0 : 0.0;
-    return Drawn(direction, leaves * even / max(chance, 1e-20), guided ? 0.0 : (has_choice ? 2.0 : 1.0),
-                 0.5 * float(ray_count) * even);
+    return Drawn(direction, leaves * even / max(chance, 1e-20), float(ray_count) * even);
 }
 #else
 Drawn draw(Pixel p, uint index, uvec2 shift)
 {
     vec3 direction = sample_cosine(p.normal, sample_2d(index, shift));
     float leaves = dot(direction, p.geometric_normal) > 0.0 ? 1.0 : 0.0;
-    return Drawn(direction, leaves, 1.0, float(ray_count) * dot(direction, p.normal) / PI);
+    return Drawn(direction, leaves, float(ray_count) * dot(direction, p.normal) / PI);
 }
 #endif
 #endif
@@ -118,15 +116,15 @@ void main()
         for (uint k = 0u; k < ray_count; ++k) {
             uint index = sample_index * ray_count + k;
 #if HAS_GUIDES
-            Drawn drawn = draw(p, guide, index, uint(at.x + at.y), shift);
+            Drawn drawn = draw(p, guide, index, seed, shift);
 #else
             Drawn drawn = draw(p, index, shift);
 #endif
             if (drawn.weight > 0.0) {
-                Incoming found = incoming(origin, drawn.direction, RAY_DIFFUSE, drawn.even_density, hash(seed, index));
+                Incoming found = incoming(origin, drawn.direction, RAY_DIFFUSE, drawn.density, hash(seed, index));
                 bounced += drawn.weight * found.bounced;
-                emitted += (WORLD_IS_DRAWN != 0 ? drawn.even_weight : drawn.weight) * found.emitted;
-                glow += (GLOW_IS_DIRECT != 0 ? drawn.even_weight : drawn.weight) * found.glow;
+                emitted += drawn.weight * found.emitted;
+                glow += drawn.weight * found.glow;
                 nearness += drawn.weight / max(found.distance, 1e-3);
             }
         }

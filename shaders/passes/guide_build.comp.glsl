@@ -18,7 +18,7 @@ const float EVEN_ENOUGH = 0.1;   // concentration up to which rays that are spre
 
 void main()
 {
-    uint number = invocation_index();
+    uint number = guide_first + invocation_index();
     if (number >= guide_count) {
         return;
     }

@@ -8,6 +8,7 @@
 #include "lib/guide_work.glsl"
 #include "lib/packed_light.glsl"
 #include "lib/link_shift.glsl"
+#include "lib/triangle.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
 #endif
@@ -47,7 +48,7 @@ void fetch_link(uint face, uint k, vec3 position, vec3 normal, uvec2 shift, out 
 
 void main()
 {
-    uint number = invocation_index();
+    uint number = guide_first + invocation_index();
     if (number >= guide_count) {
         return;
     }
@@ -68,7 +69,7 @@ void main()
             vec3 position;
             vec3 normal;
             fetch_face_place(face, position, normal);
-            uvec2 shift = link_shift(position, normal, random_seed);
+            uvec2 shift = link_shift(position + normal * RAY_START, normal, random_seed);
             for (uint k = 0u; k < link_count; ++k) {
                 vec3 direction;
                 float light;

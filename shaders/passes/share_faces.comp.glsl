@@ -2,8 +2,8 @@
 // Indirect light that voxel faces receive, shared with the faces next to them, and what they make of it. A few links for each
 // face are noise, and the noise of faces stays in the picture however many passes it gets. Light that comes from far is
 // nearly the same a cell further on.
-// Two faces give each other the same share of the difference, so that their sum stays what it is; nothing where one is
-// turned away or hidden from the other.
+// Two faces give each other the same share of the difference, so that their sum stays what it is (nearly, on slopes, where
+// a face may be nobody's neighbour); nothing where one is turned away or hidden from the other.
 // Input: faces, triangles of cells, face_radiance_tex: indirect light, and injected light.
 // Output: radiance_img, W/(m2 sr).
 
