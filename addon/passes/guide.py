@@ -18,7 +18,6 @@ from .world import WorldLight
 
 _BINS = interface.GUIDE_SIDE**2
 
-
 #: Links in one dispatch: bounds how long a step takes, so that cancelling is quick.
 LINKS_PER_STEP = 1 << 20
 #: Faces of a brick and facing, about.
@@ -43,9 +42,10 @@ class GuidePass:
         with gpu.timed("guides"):
             if self._voxels is not voxels:
                 self._number(voxels)
-            bins = gpu.list_texture("guide bins", len(self._work) * _BINS // 2, 4, "f4")
             listed = gpu.buffer("guide bins", self._work)
+        bins = None
         try:
+            bins = gpu.list_texture("guide bins", len(self._work) * _BINS // 2, 4, "f4")
             yield from self._steps(voxels, radiance, links, world, settings, bins, listed)
         finally:
             gpu.free(bins, listed)

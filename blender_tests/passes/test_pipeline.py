@@ -211,6 +211,26 @@ def test_memory_that_voxels_do_not_need_is_not_theirs_to_give(
         assert gpu.object_count == before
 
 
+def test_a_picture_that_does_not_fit_leaves_voxels_alone(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Neither a smaller picture nor another scene is rendered coarser because a large picture found no memory."""
+    original = GpuContext.texture
+
+    def refusing(self: GpuContext, name: str, size: tuple[int, int], *arguments: Any, **more: Any) -> Any:
+        if name == "surface pictures" and size[0] >= 64:
+            raise MemoryError(f"no {name}")
+        return original(self, name, size, *arguments, **more)
+
+    monkeypatch.setattr(GpuContext, "texture", refusing)
+    made, settings, ready = scenes.cornell(), scenes.settings(64), Pipeline(gpu)
+    try:
+        with pytest.raises(MemoryError, match="no surface pictures"):
+            prepare(ready, made, settings, (64, 64))
+        prepare(ready, made, settings, SIZE)
+        assert not ready.warnings and ready.grid == VoxelGrid.around(scene_bounds(made), 64)  # type: ignore[arg-type]
+    finally:
+        ready.release()
+
+
 @pytest.mark.parametrize("alpha", [1.0, 0.5], ids=["opaque", "transparent"])
 def test_faces_come_and_go_with_light_in_voxels(alpha: float, gpu: GpuContext) -> None:
     """Occlusion asks for no faces, its picture is the same with and without them; then light from around, as if new."""
