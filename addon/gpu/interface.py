@@ -62,7 +62,7 @@ BUFFERS = (
 # Texture units. GL 4.3 promises sixteen to a stage.
 TEXTURES = (
     "TEX_TRIANGLES",  # rgba32ui 2D, three texels a triangle: corner 0, edge 1, edge 2 in grid space; w: packed integers
-    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, distance in bricks
+    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, empty cubes
     "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
     "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
