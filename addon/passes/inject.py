@@ -22,6 +22,9 @@ from .world import WorldLight
 #: Threads times lights in one dispatch: bounds how long a step takes, so that cancelling is quick.
 WORK_PER_STEP = 1 << 17
 
+#: Lights that a point looks at in about the time of one ray.
+LIGHTS_PER_RAY = 16
+
 
 def light_records(lights: Sequence[LightData], grid: VoxelGrid) -> np.ndarray:
     """Lights as the shaders read them, in grid space."""
@@ -93,8 +96,18 @@ class LightTable:
         self.records = self.gpu.list_texture("lights", len(texels), 4, "u4", texels)
 
     def defines(self, settings: Settings) -> dict[str, object]:
-        """Kinds of light there are, for lib/light.glsl."""
-        return self._kinds | {"PHYSICAL_FALLOFF": settings.light_falloff == 2.0}
+        """Kinds of light there are, for lib/light.glsl, and whether a part of them is asked (lib/light_pick.glsl)."""
+        return self._kinds | {
+            "PHYSICAL_FALLOFF": settings.light_falloff == 2.0,
+            "HAS_MANY_LIGHTS": self._has_many(settings),
+        }
+
+    def rays(self, settings: Settings) -> int:
+        """Shadows that a point asks for, about; of many lights, what looking at each costs counts as some more."""
+        return interface.LIGHT_PICKS + self.count // LIGHTS_PER_RAY if self._has_many(settings) else self.count
+
+    def _has_many(self, settings: Settings) -> bool:
+        return settings.use_shadows and self.count > interface.LIGHT_PICKS
 
     def bind(self, kernel: Kernel, settings: Settings) -> None:
         """Bind what lib/light.glsl reads."""
@@ -137,14 +150,12 @@ class InjectPass:
             | lights.defines(settings)
             | {
                 "HAS_LIGHTS": lights.count > 0,
-                "HAS_MANY_LIGHTS": lights.count > interface.LIGHT_PICKS,
                 "HAS_EMITTERS": emitters is not None,
                 "WORLD_IS_DRAWN": world is not None,
                 "WORLD_IS_TEXTURE": world is not None,
             },
         )
-        points = min(lights.count, interface.LIGHT_PICKS)
-        points += (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
+        points = lights.rays(settings) + (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
         step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, points))
         for first in range(0, voxels.faces.count, step):
             with self.gpu.timed("inject"):
