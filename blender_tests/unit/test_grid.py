@@ -19,6 +19,7 @@ from addon.grid import (
     measure_surfaces,
     scene_bounds,
 )  # fmt: skip
+from addon.links import link_count
 from addon.settings import Settings
 from blender_tests.passes import scenes
 
@@ -100,3 +101,16 @@ def test_many_triangles_take_memory_at_any_resolution() -> None:
     """A cell's list of triangles grows with their number where they are smaller than cells."""
     extent, few, many = (2.0, 2.0, 2.0), SurfaceMeasure(24.0), SurfaceMeasure(24.0, 4000.0, 1_000_000)
     assert estimate_memory(16, extent, many, 8) > estimate_memory(16, extent, few, 8) + 4_000_000
+
+
+def test_links() -> None:
+    """As set, four to a texel; more where faces are few, up to a limit."""
+    assert [link_count(n, 1e7) for n in (1, 4, 5, 8, 255)] == [4, 4, 8, 8, 256]
+    assert [link_count(4, n) for n in (0, 1, 1000, 10_000, 40_000, 60_000, 70_000)] == [64, 64, 64, 28, 8, 4, 4]
+    assert link_count(128, 1000) == 128
+
+
+def test_few_faces_have_more_links_in_the_estimate() -> None:
+    """With 64 links for a face the memory is what it is when so many are asked for."""
+    few = SurfaceMeasure(24.0)
+    assert estimate_memory(8, (2.0, 2.0, 2.0), few, 4) == estimate_memory(8, (2.0, 2.0, 2.0), few, 64)
