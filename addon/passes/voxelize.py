@@ -225,7 +225,12 @@ class VoxelizePass:
         return starts, counts[-1], work
 
     def _list_pairs(
-        self, geometry: Geometry, item_starts: list[int], work: moderngl.Texture, mask: moderngl.Texture3D, capacity: int
+        self,
+        geometry: Geometry,
+        item_starts: list[int],
+        work: moderngl.Texture,
+        mask: moderngl.Texture3D,
+        capacity: int,
     ) -> Generator[float, None, tuple[moderngl.Texture, list[int]]]:
         """Mark cells and list pairs. Returns the list, and where each batch's pairs start and the last ones end.
 
