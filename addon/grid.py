@@ -10,6 +10,7 @@ import numpy as np
 from .gpu.interface import BRICK
 from .scene import DoubleArray, SceneData
 from .settings import Settings
+from .sharing import shares_triangles
 
 #: Cells of margin on each side. Not whole: walls of a box that fills the bounds should not lie between two cells.
 MARGIN = 1.37
@@ -18,6 +19,8 @@ MARGIN = 1.37
 BYTES_PER_BRICK = 16
 BYTES_PER_CELL = 16
 BYTES_PER_PAIR = 4
+#: More of it where instances share triangles: which instance it is.
+BYTES_PER_INSTANCE_PAIR = 4
 BYTES_PER_FACE = 16 + 8 + 8
 #: What comes on top when light bounces: straight light, irradiance, radiance twice, a share of the guides of its brick.
 #: Links are four bytes each.
@@ -96,6 +99,7 @@ class SurfaceMeasure:
     area: float  # m2
     perimeter: float = 0.0  # m, of each triangle
     triangles: int = 0
+    is_shared: bool = False  # by instances
 
 
 def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
@@ -114,7 +118,7 @@ def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
         area += meshes[instance.mesh][0] * scale**2
         perimeter += meshes[instance.mesh][1] * scale
         triangles += len(mesh.triangle_vertices)
-    return SurfaceMeasure(area, perimeter, triangles)
+    return SurfaceMeasure(area, perimeter, triangles, shares_triangles(scene))
 
 
 def estimate_memory(
@@ -137,8 +141,9 @@ def estimate_memory(
     cells = min(covered, dense)
     faces = FACES_PER_CELL * cells
     of_face = BYTES_PER_FACE + LIGHTING_A_FACE + 4 * link_count
+    of_pair = BYTES_PER_PAIR + (BYTES_PER_INSTANCE_PAIR if surfaces.is_shared else 0)
     bricks = dense / BRICK**3
-    return int(bricks * BYTES_PER_BRICK + cells * BYTES_PER_CELL + pairs * BYTES_PER_PAIR + faces * of_face)
+    return int(bricks * BYTES_PER_BRICK + cells * BYTES_PER_CELL + pairs * of_pair + faces * of_face)
 
 
 def choose_resolution(scene: SceneData, settings: Settings) -> int:
