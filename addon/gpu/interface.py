@@ -66,7 +66,7 @@ BUFFERS = (
 TEXTURES = (
     "TEX_TRIANGLES",  # rgba32ui 2D, three texels a triangle: corner 0, edge 1, edge 2 in grid space; w: packed integers
     # (or, where instances share them, what lib/triangle.glsl says)
-    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, distance in bricks
+    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, empty cubes
     "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
     "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh

@@ -25,7 +25,7 @@ from ..grid import VoxelGrid
 from ..scene import RayVisibility
 from .geometry import Geometry
 from .materials import Batch, MaterialPass, MaterialSet
-from .voxel_numbers import brick_distances, cell_axes, cell_positions, cell_records, number_faces, popcount
+from .voxel_numbers import cell_axes, cell_positions, cell_records, empty_octants, number_faces, popcount
 
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
 ITEMS_PER_STEP = 1 << 17
@@ -268,7 +268,7 @@ class VoxelizePass:
         texels = np.empty((len(masks), 4), np.uint32)
         texels[:, :2] = masks.view(np.uint32).reshape(-1, 2)
         texels[:, 2] = np.cumsum(counts) - counts
-        texels[:, 3] = brick_distances((masks != 0).reshape(shape)).ravel()
+        texels[:, 3] = empty_octants((masks != 0).reshape(shape)).ravel()
         bricks = self.gpu.texture_3d("bricks", grid.bricks, 4, "u4", texels)
         self._owned.append(bricks)
         return bricks, cell_positions(masks, grid.bricks)
