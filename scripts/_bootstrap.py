@@ -252,7 +252,8 @@ def install_with_uv(uv: str, python: str, version: str) -> bool:
     environ = {**os.environ, "VIRTUAL_ENV": folder}
     made = run([uv, "venv", "--quiet", "--no-project", "--python", python, folder], env=environ) == 0
     return made and run(
-        [uv, "pip", "install", "--python", environment_python(version), "--require-hashes", "-r", lock_file(version)],
+        [uv, "pip", "install", "--compile-bytecode", "--python", environment_python(version), "--require-hashes", "-r",
+         lock_file(version)],
         env=environ,
     ) == 0
 
