@@ -97,7 +97,8 @@ _LEFT = frozenset({
     "engine", "resolution_x", "resolution_y", "resolution_percentage", "filepath", "use_sequencer", "levels",
     "render_levels", "count", "samples", "voxel_resolution", "voxel_auto", "memory_budget", "bounces", "child_nbr",
     "rendered_child_count", "rows", "columns", "frame_start", "frame_end", "resolution_u", "resolution_v", "rays",
-    "render_resolution_u", "render_resolution_v", "bounce_rays", "viewport_samples", "glossy_layers", "bevel_resolution",
+    "render_resolution_u", "render_resolution_v", "bounce_rays", "viewport_samples", "glossy_layers",
+    "bevel_resolution",
 })  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A process that renders files one after the other, as ``scripts/render`` does: a line of JSON in, lines of JSON out.
 
-In: ``file``, ``engine``, and ``seed``, from which values are changed after the file was read (null: none). Out: ``doing`` before
-each step, then ``end``: what became of it, with ``ours`` where that is a defect of this project.
+In: ``file``, ``engine``, and ``seed``, from which values are changed after the file was read (null: none).
+Out: ``doing`` before each step, then ``end``: what became of it, with ``ours`` where that is a defect of this project.
 """
 
 from __future__ import annotations
