@@ -35,6 +35,7 @@ from .passes.materials import MaterialPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
 from .passes.surface import RAY_TEXELS, SurfacePass, Surfaces
+from .passes.view import VOXEL_VIEWS
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
 from .scene import SceneData
@@ -128,8 +129,13 @@ class Pipeline:
         self.warnings: list[str] = []
 
     def want(self, names: Iterable[str]) -> None:
-        """Which outputs the film keeps, by the names of passes/compose.py; call before ``prepare``."""
-        self._wanted = set(names) | {"combined"}
+        """Which outputs the film keeps, by the names of passes/compose.py; call before ``prepare``.
+
+        The picture is always among them, but where nothing is asked for but voxels.
+        """
+        self._wanted = set(names)
+        if not self._wanted or not self._wanted <= set(VOXEL_VIEWS):
+            self._wanted.add("combined")
 
     # Voxels -----------------------------------------------------------------------------------------------------
 
@@ -286,7 +292,7 @@ class Pipeline:
             self._reflect.release()
         self._camera = CameraRays.of(scene.camera, grid, size)
         self._start_history(scene, settings, size, follows=follows)
-        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0)
+        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0 and "combined" in self._wanted)
         self.gpu.check()
         yield Progress(1.0, "Ready")
 
@@ -374,13 +380,17 @@ class Pipeline:
         surface = self._surface.pictures
         assert surface is not None
         frame = Frame(index, sample, gather, camera, offset, surface, features, settings, self.film.active_tiles)
+        radiance = self._bounce.radiance[0] if features.needs_radiance else None
+        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones, self._guides)
+        if self._wanted <= set(VOXEL_VIEWS):
+            self.film.add(frame, lit, scene, PixelLight())
+            yield Progress(1.0, "Pass done")
+            return
         surfaces = Surfaces(geometry, voxels, materials, self._materials)
         for share in self._surface.run(surfaces, frame.view):
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, frame.view, settings)
-        radiance = self._bounce.radiance[0] if features.needs_radiance else None
-        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones, self._guides)
         splits = self.film.splits_light
         if features.has_direct:
             for share in self._direct.run(frame, lit):
