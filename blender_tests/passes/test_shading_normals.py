@@ -169,8 +169,8 @@ def smooth_furnace(rings: int, albedo: float, camera: CameraData | None = None) 
 
 
 def test_closed_smooth_room(gpu: GpuContext) -> None:
-    """Of few triangles: what its surfaces hide from their shading normals is mirrored as far as normals are alike, and nothing
-    is won."""
+    """Of few triangles: what its surfaces hide from their shading normals is mirrored as far as normals are alike, and
+    nothing is won."""
     made = smooth_furnace(6, 0.8)
     with pipeline(gpu, made, scenes.settings(24, bounces=200, bounce_rays=32), samples=0) as ready:
         found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
