@@ -38,7 +38,10 @@ def empty_octants(occupied: np.ndarray) -> np.ndarray:
             starts = [slice(None)] * 3
             starts[axis] = slice(1, None)
             empty = empty[tuple(ends)] & empty[tuple(starts)]
-    return np.bitwise_or.reduce([octant.astype(np.uint32) << 4 * k for k, octant in enumerate(found)])
+    words = np.zeros(occupied.shape, np.uint32)
+    for octant in range(8):
+        words |= found[octant].astype(np.uint32) << np.uint32(4 * octant)
+    return words
 
 
 def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:

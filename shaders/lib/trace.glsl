@@ -9,7 +9,7 @@
 #include "lib/triangle.glsl"
 
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
-layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
+layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;  // entries: lib/triangle.glsl
 #if HAS_OPACITY
 layout(binding = TEX_CELL_OPACITIES) uniform sampler2D cell_opacities_tex;
 #endif
@@ -33,6 +33,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
     Hit hit;
     hit.distance = limit;
     hit.triangle = NONE_INDEX;
+    uvec2 nearest = uvec2(NONE_INDEX, 0u);  // entry of the cell's list
     hit.cell = ivec3(0);
     hit.normal = vec3(0.0);
 
@@ -89,43 +90,44 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         }
         uint next = record.x, end = record.x + record.y;
         while (next < end) {
-            uint index = texelFetch(cell_triangles_tex, list_texel(next), 0).r;
-            ivec2 at = triangle_texel(index);
-            uvec4 c0 = texelFetch(triangles_tex, at, 0);
-            vec3 e1 = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(1, 0), 0).xyz);
-            vec3 e2 = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(2, 0), 0).xyz);
+            uvec2 entry = texelFetch(cell_triangles_tex, list_texel(next), 0).rg;
+            uvec3 words;
+            vec3 corner, e1, e2;
+            fetch_corners(entry, words, corner, e1, e2);
             vec3 p = cross(direction, e2);
             float determinant = dot(e1, p);
             float f = 1.0 / determinant;
-            vec3 s = origin - uintBitsToFloat(c0.xyz);
+            vec3 s = origin - corner;
             float u = dot(s, p) * f;
             vec3 q = cross(s, e1);
             float v = dot(direction, q) * f;
             float w = dot(e2, q) * f;
             bool met = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && w > 0.0 && determinant != 0.0 &&
-                       (c0.w >> 24 & ray_mask) != 0u;
-            // Equal distances go to the lower index: the order of a cell's list must not show.
-            met = met && (w < hit.distance || (w == hit.distance && index < hit.triangle));
+                       (entry_flags(entry, words) & ray_mask) != 0u;
+            // Equal distances go to the lower number: the order of a cell's list must not show.
+            met = met && (w < hit.distance || (w == hit.distance && comes_before(entry, nearest)));
 #if HAS_OPACITY
             if (met && w >= solid_distance) {
                 float opacity = texelFetch(cell_opacities_tex, list_texel(next), 0).r;
                 // One decision for a triangle and a ray, whichever cell asks.
-                met = opacity >= 1.0 || unit_float(hash(seed, index)) < opacity;
+                met = opacity >= 1.0 || unit_float(hash(seed, triangle_number(entry))) < opacity;
             }
 #endif
             ++next;
             if (met) {
                 hit.distance = w;
-                hit.triangle = index;
+                nearest = entry;
                 next = any_hit ? end : next;
             }
         }
-        inside = inside && hit.distance > t_exit && !(any_hit && hit.triangle != NONE_INDEX);
+        inside = inside && hit.distance > t_exit && !(any_hit && nearest.x != NONE_INDEX);
     }
-    if (hit.triangle != NONE_INDEX) {
-        ivec2 at = triangle_texel(hit.triangle);
-        vec3 n = normalize(cross(uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(1, 0), 0).xyz),
-                                 uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(2, 0), 0).xyz)));
+    if (nearest.x != NONE_INDEX) {
+        hit.triangle = triangle_number(nearest);
+        uvec3 words;
+        vec3 corner, e1, e2;
+        fetch_corners(nearest, words, corner, e1, e2);
+        vec3 n = normalize(cross(e1, e2));
         hit.normal = dot(n, direction) > 0.0 ? -n : n;
         hit.cell = clamp(ivec3(floor(origin + direction * hit.distance)), ivec3(0), grid_size - 1);
     }

@@ -25,9 +25,42 @@ layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D irradiance_img;
 uniform uint random_seed;
 uniform bool use_shadows;
 uniform float link_count;  // rays that look for emitters and the world too, cosine-distributed (pass link)
+uniform uint point_count;  // of each face, where light is looked for
 
-// Points on a light that has a size; one suffices for the others.
+// Points on a light that has a size, all points of a face together; one suffices for the others.
 const uint SAMPLES = 4u;
+
+// Point k of what a face stands for: points are spread evenly over the plane of its surface in its cell. `face` is
+// NONE_INDEX where there is no surface, or it is hidden from the first point; else it is no face's number if k > 0, so that
+// random numbers differ.
+Site site_point(Site site, uint k)
+{
+    vec3 place = site.origin - site.normal * RAY_START;
+    vec3 cell = floor(place);
+    int axis = dominant_axis(site.normal);
+    int right = (axis + 1) % 3;
+    int up = (axis + 2) % 3;
+    uvec2 first = uvec2(clamp(vec2(place[right] - cell[right], place[up] - cell[up]), 0.0, 1.0) * 4294967040.0);
+    vec2 across = sample_2d(k, first) - sample_2d(0u, first);
+    vec3 shift = vec3(0.0);
+    shift[right] = across.x;
+    shift[up] = across.y;
+    shift[axis] = -dot(shift, site.normal) / site.normal[axis];
+    float depth = place[axis] + shift[axis] - cell[axis];
+    bool is_there = k > 0u && depth >= 0.0 && depth <= 1.0;
+    float size = length(shift);
+    vec3 origin = site.origin;
+    vec3 direction = shift / max(size, 1e-6);
+    for (int look = 0; look < 2; ++look) {  // along the surface, where nothing shall be; down, where it is
+        float reach = look == 0 ? size : 2.0 * RAY_START;
+        bool blocked = is_blocked(origin, direction, is_there ? reach : -1.0, hash(site.face, k));
+        is_there = is_there && blocked == (look == 1);
+        origin = site.origin + shift;
+        direction = -site.normal;
+    }
+    uint number = is_there ? site.face + k * face_count : NONE_INDEX;
+    return Site(k == 0u ? site.face : number, origin, site.normal, site.shading_normal);
+}
 
 #if HAS_LIGHTS
 // Where several points lie on a light, if it has a size.
@@ -94,8 +127,8 @@ vec3 light_from_lights(Site site)
     vec3 irradiance = vec3(0.0);
     for (uint k = 0u; k < light_count; ++k) {
         Light light = fetch_light(lights_tex, k);
-        uint points = (light.flags & RAY_DIFFUSE) == 0u ? 0u : (has_size(light) ? SAMPLES : 1u);
-        irradiance += light_from_light(site, k, light, points);
+        uint points = has_size(light) ? max(SAMPLES / point_count, 1u) : 1u;
+        irradiance += light_from_light(site, k, light, (light.flags & RAY_DIFFUSE) == 0u ? 0u : points);
     }
     return irradiance;
 }
@@ -150,14 +183,22 @@ void main()
         return;
     }
     vec3 irradiance = vec3(0.0);
+    float points = 0.0;
+    for (uint k = 0u; k < point_count; ++k) {
+        Site point = site_point(site, k);
+        if (point.face == NONE_INDEX) {
+            continue;
+        }
+        points += 1.0;
 #if HAS_LIGHTS
-    irradiance += light_from_lights(site);
+        irradiance += light_from_lights(point);
 #endif
 #if HAS_EMITTERS
-    irradiance += light_from_emitters(site);
+        irradiance += light_from_emitters(point);
 #endif
 #if WORLD_IS_DRAWN
-    irradiance += light_from_world(site);
+        irradiance += light_from_world(point);
 #endif
-    imageStore(irradiance_img, list_texel(site.face), pack_light(irradiance / PI));
+    }
+    imageStore(irradiance_img, list_texel(site.face), pack_light(irradiance / (PI * points)));
 }
