@@ -73,6 +73,7 @@ Block first_block(vec3 origin, vec3 direction)
         return block;
     }
     bvec3 forward = greaterThan(d, vec3(0.0));
+    int octant = octant_bit(not(forward));
     vec3 nearest = t > 0.0 ? enter : abs(d);
     block.axis = nearest.x >= max(nearest.y, nearest.z) ? 0 : (nearest.y >= nearest.z ? 1 : 2);
     ivec3 cell = clamp(ivec3(floor(origin + d * t)), ivec3(0), grid_size - 1);
@@ -80,10 +81,10 @@ Block first_block(vec3 origin, vec3 direction)
     while (t < t_end && inside_grid(cell) && --budget > 0) {
         ivec3 lo = (cell >> level) << level;
         ivec3 hi = lo + (1 << level);
-        int empty = int(texelFetch(bricks_tex, cell / BRICK, 0).w);
+        int empty = int(texelFetch(bricks_tex, cell / BRICK, 0).w >> octant & 15u);
         if (empty > 0 && level <= 2) {
-            lo = (cell / BRICK - empty + 1) * BRICK;
-            hi = (cell / BRICK + empty) * BRICK;
+            lo = (cell / BRICK + ivec3(not(forward)) * (1 - empty)) * BRICK;
+            hi = (cell / BRICK + 1 + ivec3(forward) * (empty - 1)) * BRICK;
         } else if (is_occupied(lo)) {
             block.is_met = true;
             block.cell = lo;
