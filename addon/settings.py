@@ -410,6 +410,14 @@ class Settings:
         soft_hi=3600.0,
         unit=Unit.SECOND,
     )
+    debug_checks: bool = _setting(
+        "Debug Checks",
+        False,
+        "What each pass has written is read back and checked: finite, in range, nothing lost. The first thing that "
+        "cannot be ends the render, with an error that names it.",
+        Panel.PERFORMANCE,
+        cost="much: all that is made is read back",
+    )
 
     @classmethod
     def declarations(cls) -> dict[str, Setting]:
