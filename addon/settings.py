@@ -221,7 +221,7 @@ class Settings:
     bounce_rays: int = _setting(
         "Rays per Face",
         8,
-        "Directions in which each voxel face sees others; rounded up to a multiple of four.",
+        "Directions in which each voxel face sees others; rounded up to a multiple of four. More where faces are few.",
         Panel.LIGHT,
         lo=1,
         hi=256,

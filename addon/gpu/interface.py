@@ -36,7 +36,7 @@ FACING_MASK = 0xFFF
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
 
-#: Lights whose shadows a voxel face asks for, where there are more.
+#: About how many lights are asked for their shadows at a point, where there are more.
 LIGHT_PICKS = 16
 
 #: A corner's normal that is nearer to its triangle's than this (a quarter of a degree) differs by rounding alone.
@@ -66,7 +66,7 @@ BUFFERS = (
 TEXTURES = (
     "TEX_TRIANGLES",  # rgba32ui 2D, three texels a triangle: corner 0, edge 1, edge 2 in grid space; w: packed integers
     # (or, where instances share them, what lib/triangle.glsl says)
-    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, distance in bricks
+    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, empty cubes
     "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
     "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
@@ -101,6 +101,7 @@ TEXTURE_ALIASES = {
     "TEX_ATTRIBUTES": "TEX_CELL_OPACITIES",  # r32ui list: corner normals, UV and colour layers
     "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters
     # While voxels are made (lib/part.glsl).
+    "TEX_WORK": "TEX_FACE_RADIANCE",  # rg32ui list: work items (triangle, item number); too many for a buffer
     "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
     "TEX_PARTS": "TEX_FACE_RADIANCE",  # rgba32ui list, cell by cell: what pairs bring to faces
     "TEX_CELL_POSITIONS": "TEX_WORLD",  # r32ui list: x | y << 11 | z << 22
@@ -220,18 +221,17 @@ LIGHT = Struct(
         ("position_grid", "vec3", "cells"),
         ("kind", "uint", "LIGHT_*"),
         ("intensity", "vec3", "W/sr, W/m2 or W/(m2 sr) by kind"),
+        ("flags", "uint", "RAY_* that see it; LIGHT_CASTS_SHADOW, LIGHT_IS_ELLIPSE, LIGHT_IS_SPHERE"),
+        ("axis_z", "vec3", "unit; the light shines along -z"),
         ("radius_grid", "float", "cells; area lights: half the longer side; suns: sine of half their angle"),
         ("axis_x", "vec3", "unit"),
         ("half_width_grid", "float", "area lights: half the side along x, cells"),
         ("axis_y", "vec3", "unit"),
         ("half_height_grid", "float", "along y"),
-        ("axis_z", "vec3", "unit; the light shines along -z"),
-        ("cos_cone", "float", "spot: cosine of half the cone"),
         ("spot_scale", "vec3", "spot: 1 / object scale"),
         ("spot_smooth", "float", "spot: 1 / ((1 - cos_cone) blend); area: half the spread"),
-        ("flags", "uint", "RAY_* that see it; LIGHT_CASTS_SHADOW, LIGHT_IS_ELLIPSE, LIGHT_IS_SPHERE"),
         ("radiance", "vec3", "of the visible disk, sphere or area"),
-        ("pad", "uint", ""),
+        ("cos_cone", "float", "spot: cosine of half the cone"),
     ),
 )
 

@@ -25,7 +25,7 @@ from ..grid import VoxelGrid
 from ..scene import RayVisibility
 from .geometry import Geometry
 from .materials import Batch, MaterialPass, MaterialSet
-from .voxel_numbers import brick_distances, cell_axes, cell_positions, cell_records, number_faces, popcount
+from .voxel_numbers import cell_axes, cell_positions, cell_records, empty_octants, number_faces, popcount
 
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
 ITEMS_PER_STEP = 1 << 17
@@ -195,7 +195,7 @@ class VoxelizePass:
         )
         yield 1.0
 
-    def _work(self, geometry: Geometry, materials: MaterialSet) -> tuple[list[int], int, moderngl.Buffer]:
+    def _work(self, geometry: Geometry, materials: MaterialSet) -> tuple[list[int], int, moderngl.Texture]:
         """Where each batch's work items start (and the last ones end), about how many pairs there are, the items."""
         gpu, slot = self.gpu, interface.slot
         batches = len(materials.batches)
@@ -218,14 +218,19 @@ class VoxelizePass:
         counts = np.frombuffer(counters.read(), np.uint32)[: batches + 1].tolist()
         starts = [0, *accumulate(counts[:batches])]
         counters.write(np.array(starts, np.uint32))
-        work = gpu.buffer("voxel work", size=8 * starts[-1])
+        work = gpu.list_texture("voxel work", starts[-1], 2, "u4")
         self._temporary.append(work)
-        work.bind_to_storage_buffer(slot("BUF_WORK"))
+        work.bind_to_image(slot("IMG_0"), read=False, write=True)
         run(count=False)
         return starts, counts[-1], work
 
     def _list_pairs(
-        self, geometry: Geometry, item_starts: list[int], work: moderngl.Buffer, mask: moderngl.Texture3D, capacity: int
+        self,
+        geometry: Geometry,
+        item_starts: list[int],
+        work: moderngl.Texture,
+        mask: moderngl.Texture3D,
+        capacity: int,
     ) -> Generator[float, None, tuple[moderngl.Texture, list[int]]]:
         """Mark cells and list pairs. Returns the list, and where each batch's pairs start and the last ones end.
 
@@ -245,7 +250,7 @@ class VoxelizePass:
                     kernel.set(grid_size=geometry.grid.size, work_first=first, work_count=count)
                     kernel.set(batch=batch, pair_capacity=capacity)
                     geometry.triangles.use(slot("TEX_TRIANGLES"))
-                    work.bind_to_storage_buffer(slot("BUF_WORK"))
+                    work.use(slot("TEX_WORK"))
                     counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
                     mask.bind_to_image(slot("IMG_0"), read=True, write=True)
                     pairs.bind_to_image(slot("IMG_1"), read=False, write=True)
@@ -263,7 +268,7 @@ class VoxelizePass:
         texels = np.empty((len(masks), 4), np.uint32)
         texels[:, :2] = masks.view(np.uint32).reshape(-1, 2)
         texels[:, 2] = np.cumsum(counts) - counts
-        texels[:, 3] = brick_distances((masks != 0).reshape(shape)).ravel()
+        texels[:, 3] = empty_octants((masks != 0).reshape(shape)).ravel()
         bricks = self.gpu.texture_3d("bricks", grid.bricks, 4, "u4", texels)
         self._owned.append(bricks)
         return bricks, cell_positions(masks, grid.bricks)
