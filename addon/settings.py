@@ -360,6 +360,12 @@ class Settings:
         hi=240,
         soft_hi=60,
     )
+    viewport_statistics: bool = _setting(
+        "Statistics",
+        False,
+        "The text in a viewport tells what each pass of the picture took, in milliseconds.",
+        Panel.VIEWPORT,
+    )
     viewport_pass: str = _setting(
         "Pass",
         "COMBINED",
@@ -403,7 +409,7 @@ class Settings:
     time_limit: float = _setting(
         "Time Limit",
         0.0,
-        "Stop after this time with the passes done so far. 0: no limit.",
+        "Stop after this time with the passes done so far, in viewports too. 0: no limit.",
         Panel.PERFORMANCE,
         lo=0.0,
         hi=1e6,
