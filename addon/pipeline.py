@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from . import checks
 from .camera import CameraRays, pixel_offset
 from .features import Features
 from .gpu.context import GpuContext
@@ -221,6 +222,8 @@ class Pipeline:
             )
             with self.gpu.timed("geometry"):
                 self._geometry.run(scene, self.grid, materials)
+            if settings.debug_checks and self._geometry.geometry is not None:
+                checks.check_geometry(self._geometry.geometry)
             memo.done("geometry", *shape, *resolution)
             yield Progress(0.05, "Voxelizing")
         geometry, grid = self._geometry.geometry, self.grid
@@ -255,6 +258,8 @@ class Pipeline:
             memo.forget("links", "radiance")
             for share in self._voxelize.run(geometry, materials, self._materials, has_faces=features.needs_radiance):
                 yield Progress(0.05 + 0.25 * share, "Voxelizing")
+            if settings.debug_checks and self._voxelize.voxels is not None:
+                checks.check_voxels(self._voxelize.voxels, geometry.triangle_count)
             memo.done("voxels", features.needs_radiance)
         voxels = self._voxelize.voxels
         assert voxels is not None
@@ -332,6 +337,8 @@ class Pipeline:
                 voxels, self._world, self._emitters, drawn=drawn, world_drawn=world_drawn, settings=settings
             ):
                 yield Progress(0.3 + 0.5 * share, "Linking voxels")
+            if settings.debug_checks:
+                checks.check_links(self._links, voxels.faces.count)
             memo.done("links", *links)
         if not features.needs_links:
             self._links.release()
@@ -351,6 +358,9 @@ class Pipeline:
             passed = self._links if features.needs_links else None
             for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
+            if settings.debug_checks:
+                straight = passed.straight if passed else None
+                checks.check_radiance(voxels, self._bounce.radiance[0], self._inject.irradiance, straight)
             self._inject.release()  # whatever changes the light injects it anew
             memo.done("radiance", *light)
             self._radiance_version += 1
@@ -426,8 +436,12 @@ class Pipeline:
                 for share in self._gather.fill(frame, lit, kept):
                     yield Progress(0.97 + 0.03 * share, "Indirect light")
         at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
+        if settings.debug_checks:
+            checks.check_pixels(frame, at_pixels)
         self.film.add(frame, lit, scene, at_pixels)
         self.gpu.check()
+        if settings.debug_checks:
+            checks.check_film(self.film)
         yield Progress(1.0, "Pass done")
 
     def rays_at(self, place: tuple[float, float]) -> SeenRays | None:

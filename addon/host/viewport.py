@@ -77,7 +77,7 @@ class Slices:
             if self.progressive.work(target, seconds):
                 self._inbox.keep(pipeline.film, self.progressive.output)
             self.status, self.reported = self.progressive.status(target), target
-            self.facts = _facts(pipeline)
+            self.facts = _facts(pipeline, each_pass=target.settings.viewport_statistics)
         self.find_rays()
 
     def find_rays(self) -> None:
@@ -226,9 +226,12 @@ class Viewport:
         return " | ".join(part for part in parts if part)
 
 
-def _facts(pipeline: Any) -> str:
-    """Voxels and memory of a pipeline."""
-    memory = f"{sum(pipeline.gpu.memory.values()) / 2**20:.0f} MiB"
-    if pipeline.grid is None:
-        return memory
-    return " x ".join(map(str, pipeline.grid.size)) + f" voxels | {memory}"
+def _facts(pipeline: Any, *, each_pass: bool) -> str:
+    """Voxels and memory of a pipeline, and what ``each_pass`` took for this picture, longest first."""
+    facts = [f"{sum(pipeline.gpu.memory.values()) / 2**20:.0f} MiB"]
+    if pipeline.grid is not None:
+        facts.insert(0, " x ".join(map(str, pipeline.grid.size)) + " voxels")
+    if each_pass:
+        times = sorted(pipeline.gpu.times.items(), key=lambda entry: -entry[1].gpu_ms)
+        facts += [f"{name} {time.gpu_ms / max(time.calls, 1):.1f} ms x {time.calls}" for name, time in times]
+    return " | ".join(facts)
