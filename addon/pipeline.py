@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from . import checks
 from .camera import CameraRays, pixel_offset
 from .features import Features
 from .gpu.context import GpuContext
@@ -36,7 +37,7 @@ from .passes.materials import MaterialPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
 from .passes.surface import RAY_TEXELS, SurfacePass, Surfaces
-from .passes.view import VOXEL_VIEWS
+from .passes.view import VOXEL_VIEWS, SeenRays, trace_rays
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
 from .scene import SceneData
@@ -225,6 +226,8 @@ class Pipeline:
             )
             with self.gpu.timed("geometry"):
                 self._geometry.run(scene, self.grid, materials)
+            if settings.debug_checks and self._geometry.geometry is not None:
+                checks.check_geometry(self._geometry.geometry)
             memo.done("geometry", *shape, *resolution)
             yield Progress(0.05, "Voxelizing")
         geometry, grid = self._geometry.geometry, self.grid
@@ -259,6 +262,8 @@ class Pipeline:
             memo.forget("links", "radiance")
             for share in self._voxelize.run(geometry, materials, self._materials, has_faces=features.needs_radiance):
                 yield Progress(0.05 + 0.25 * share, "Voxelizing")
+            if settings.debug_checks and self._voxelize.voxels is not None:
+                checks.check_voxels(self._voxelize.voxels, geometry.triangle_count)
             memo.done("voxels", features.needs_radiance)
         voxels = self._voxelize.voxels
         assert voxels is not None
@@ -346,6 +351,8 @@ class Pipeline:
                 voxels, self._world, self._emitters, drawn=drawn, world_drawn=world_drawn, settings=settings
             ):
                 yield Progress(0.3 + 0.5 * share, "Linking voxels")
+            if settings.debug_checks:
+                checks.check_links(self._links, voxels.faces.count)
             memo.done("links", *links)
         if not features.needs_links:
             self._links.release()
@@ -365,6 +372,9 @@ class Pipeline:
             passed = self._links if features.needs_links else None
             for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
+            if settings.debug_checks:
+                straight = passed.straight if passed else None
+                checks.check_radiance(voxels, self._bounce.radiance[0], self._inject.irradiance, straight)
             self._inject.release()  # whatever changes the light injects it anew
             memo.done("radiance", *light)
             self._radiance_version += 1
@@ -456,9 +466,27 @@ class Pipeline:
                 for share in self._reflect.run(reflects, lit, self._surface, surfaces, fills=True):
                     yield Progress(0.98 + 0.02 * share, "Reflections")
         at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
+        if settings.debug_checks:
+            checks.check_pixels(frame, at_pixels)
         self.film.add(frame, lit, scene, at_pixels)
         self.gpu.check()
+        if settings.debug_checks:
+            checks.check_film(self.film)
         yield Progress(1.0, "Pass done")
+
+    def rays_at(self, place: tuple[float, float]) -> SeenRays | None:
+        """Rays that gather light at the surface seen at ``place``, 0..1 from the picture's lower left corner.
+
+        None: nothing was prepared yet. To be called between pieces of work, not in one.
+        """
+        features, voxels, surface = self.features, self._voxelize.voxels, self._surface.pictures
+        if features is None or voxels is None or surface is None or not features.has_geometry:
+            return None
+        radiance = self._bounce.radiance[0] if features.needs_radiance else None
+        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones, self._guides)
+        frame = Frame(0, 0, None, self._camera, (0.5, 0.5), surface, features, self._settings)
+        width, height = self._size
+        return trace_rays(self.gpu, frame, lit, (int(place[0] * width), int(place[1] * height)))
 
     # Report -----------------------------------------------------------------------------------------------------
 

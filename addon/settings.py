@@ -360,6 +360,12 @@ class Settings:
         hi=240,
         soft_hi=60,
     )
+    viewport_statistics: bool = _setting(
+        "Statistics",
+        False,
+        "The text in a viewport tells what each pass of the picture took, in milliseconds.",
+        Panel.VIEWPORT,
+    )
     viewport_pass: str = _setting(
         "Pass",
         "COMBINED",
@@ -403,12 +409,20 @@ class Settings:
     time_limit: float = _setting(
         "Time Limit",
         0.0,
-        "Stop after this time with the passes done so far. 0: no limit.",
+        "Stop after this time with the passes done so far, in viewports too. 0: no limit.",
         Panel.PERFORMANCE,
         lo=0.0,
         hi=1e6,
         soft_hi=3600.0,
         unit=Unit.SECOND,
+    )
+    debug_checks: bool = _setting(
+        "Debug Checks",
+        False,
+        "What each pass has written is read back and checked: finite, in range, nothing lost. The first thing that "
+        "cannot be ends the render, with an error that names it.",
+        Panel.PERFORMANCE,
+        cost="much: all that is made is read back",
     )
 
     @classmethod
