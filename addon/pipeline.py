@@ -27,7 +27,7 @@ from .passes.compose import Film, PixelLight
 from .passes.cones import ConeVolume
 from .passes.direct import DirectPass
 from .passes.emitters import EmitterTable
-from .passes.frame import Frame, LitVoxels
+from .passes.frame import Frame, Gather, LitVoxels
 from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
 from .passes.guide import GuidePass
@@ -426,9 +426,10 @@ class Pipeline:
         if features.has_glossy:
             self._reflect.allocate(self._size, emitted=splits, layers=features.follows_glossy)
             if features.keeps_reflections:
-                found = self._glossy_history.gather(index)
-                points = found.sample if found else FILLING + frame.sample
-                reflects = dataclasses.replace(frame, gather=found, sample=points)
+                turn = self._glossy_history.gather(index)
+                reflects = dataclasses.replace(
+                    frame, gather=turn, sample=turn.sample if turn else FILLING + frame.sample
+                )
             if not features.keeps_reflections or reflects.gather is not None:
                 for share in self._reflect.run(reflects, lit, self._surface, surfaces):
                     yield Progress(0.7 + 0.2 * share, "Reflections")
@@ -441,7 +442,9 @@ class Pipeline:
         for number, (name, sharing) in enumerate(self._sharing.items()):
             light = lights[name]
             is_diffuse = name.startswith("gathered")
-            found = gather if is_diffuse else (reflects.gather if features.keeps_reflections else frame)
+            found: Frame | Gather | None = gather
+            if not is_diffuse:
+                found = reflects.gather if features.keeps_reflections else frame
             if light is None or (is_diffuse and features.gather_cones) or not features.has_reconstruction:
                 sharing.release()
                 continue

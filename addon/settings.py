@@ -149,8 +149,8 @@ class Settings:
         "Reuse Frames",
         False,
         "Frames of an animation in which only the camera moves take over diffuse light and rough reflections from the "
-        "frame before, where it saw the same surfaces, and gather less: quicker, with less noise and flicker. A frame then depends on those "
-        "rendered before it. Needs Persistent Data, and no noise threshold.",
+        "frame before, where it saw the same surfaces, and gather less: quicker, with less noise and flicker. A frame "
+        "then depends on those rendered before it. Needs Persistent Data, and no noise threshold.",
         Panel.SAMPLING,
         cost="memory for pictures of light; time falls",
     )
