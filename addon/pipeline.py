@@ -10,6 +10,7 @@ pieces of work of well under half a second, so that a caller can show progress a
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +27,7 @@ from .passes.compose import Film, PixelLight
 from .passes.cones import ConeVolume
 from .passes.direct import DirectPass
 from .passes.emitters import EmitterTable
-from .passes.frame import Frame, LitVoxels
+from .passes.frame import Frame, Gather, LitVoxels
 from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
 from .passes.guide import GuidePass
@@ -42,6 +43,8 @@ from .passes.world import WorldLight
 from .scene import SceneData
 from .settings import Settings
 
+#: First random point of reflections that are found where none of earlier passes could be taken over.
+FILLING = 1 << 20
 #: Voxels do not become coarser than this for want of memory.
 LEAST_RESOLUTION = 16
 
@@ -119,7 +122,8 @@ class Pipeline:
             for name in ("gathered", "gathered_emitted", "reflected", "reflected_emitted")
         }
         self._reflect = ReflectPass(gpu)
-        self._history = LightHistory(gpu)
+        self._history = LightHistory(gpu, glossy=False)
+        self._glossy_history = LightHistory(gpu, glossy=True)
         self._scene: SceneData | None = None
         self._settings = Settings()
         self._size = (0, 0)
@@ -310,9 +314,18 @@ class Pipeline:
 
     def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
         """Light at pixels stays right while all but the camera stays; outputs say which kinds of it are kept."""
-        if self.features is None or not self.features.keeps_light:
-            self._history.forget()
-            self._history.release()
+        features = self.features
+        kept = []
+        for history, keeps in (
+            (self._history, features is not None and features.keeps_light),
+            (self._glossy_history, features is not None and features.keeps_reflections),
+        ):
+            if keeps:
+                kept.append(history)
+            else:
+                history.forget()
+                history.release()
+        if not kept:
             self._memo.forget("history")
             return
         inputs = (
@@ -320,9 +333,10 @@ class Pipeline:
             tuple(vars(settings).values()), tuple(sorted(self._wanted)),
         )  # fmt: skip
         continues = not self._memo.stale("history", *inputs) and follows and settings.reuse_frames
-        self._history.start(
-            self._camera, settings.samples, settings.gather_interval, self.film.samples, continues=continues
-        )
+        for history in kept:
+            history.start(
+                self._camera, settings.samples, settings.gather_interval, self.film.samples, continues=continues
+            )
         self._memo.done("history", *inputs)
 
     def _light_voxels(self, features: Features) -> Iterator[Progress]:
@@ -408,9 +422,17 @@ class Pipeline:
         if features.has_diffuse_gather and gather is not None:
             for share in self._gather.run(frame, lit, self._direct.diffuse, keeps_emitted=splits):
                 yield Progress(0.4 + 0.3 * share, "Indirect light")
+        reflects = frame
         if features.has_glossy:
-            for share in self._reflect.run(frame, lit, self._surface, surfaces, keeps_emitted=splits):
-                yield Progress(0.7 + 0.2 * share, "Reflections")
+            self._reflect.allocate(self._size, emitted=splits, layers=features.follows_glossy)
+            if features.keeps_reflections:
+                turn = self._glossy_history.gather(index)
+                reflects = dataclasses.replace(
+                    frame, gather=turn, sample=turn.sample if turn else FILLING + frame.sample
+                )
+            if not features.keeps_reflections or reflects.gather is not None:
+                for share in self._reflect.run(reflects, lit, self._surface, surfaces):
+                    yield Progress(0.7 + 0.2 * share, "Reflections")
         lights = {
             "gathered": self._gather.incoming,
             "gathered_emitted": self._gather.emitted,
@@ -419,15 +441,19 @@ class Pipeline:
         }
         for number, (name, sharing) in enumerate(self._sharing.items()):
             light = lights[name]
-            found = gather if name.startswith("gathered") else frame
-            is_smooth = features.gather_cones and name.startswith("gathered")
-            if light is None or is_smooth or not features.has_reconstruction:
+            is_diffuse = name.startswith("gathered")
+            found: Frame | Gather | None = gather
+            if not is_diffuse:
+                found = reflects.gather if features.keeps_reflections else frame
+            if light is None or (is_diffuse and features.gather_cones) or not features.has_reconstruction:
                 sharing.release()
                 continue
             if found is not None:
                 for share in sharing.run(frame, light, found.index):
                     yield Progress(0.9 + 0.05 * (number + share) / len(lights), "Sharing light")
-            lights[name] = sharing.shared
+                lights[name] = sharing.shared
+            elif is_diffuse:
+                lights[name] = sharing.shared
         if features.keeps_light:
             kept = [light for name, light in lights.items() if light is not None and name.startswith("gathered")]
             for share in self._history.run(frame, kept):
@@ -435,6 +461,13 @@ class Pipeline:
             if gather is None:
                 for share in self._gather.fill(frame, lit, kept):
                     yield Progress(0.97 + 0.03 * share, "Indirect light")
+        if features.keeps_reflections:
+            kept = [light for name, light in lights.items() if light is not None and name.startswith("reflected")]
+            for share in self._glossy_history.run(reflects, kept):
+                yield Progress(0.97 + 0.01 * share, "Light of earlier passes")
+            if reflects.gather is None:
+                for share in self._reflect.run(reflects, lit, self._surface, surfaces, fills=True):
+                    yield Progress(0.98 + 0.02 * share, "Reflections")
         at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
         if settings.debug_checks:
             checks.check_pixels(frame, at_pixels)
@@ -490,6 +523,7 @@ class Pipeline:
             *self._sharing.values(),
             self._reflect,
             self._history,
+            self._glossy_history,
             self._cones,
             self._guides,
             self._bounce,
