@@ -54,7 +54,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         return hit;
     }
     ivec3 cell = clamp(ivec3(floor(start + d * t)), ivec3(0), grid_size - 1);
-    int octant = 4 * (int(turned.x) + 2 * int(turned.y) + 4 * int(turned.z));  // first bit of its empty cubes
+    int octant = octant_bit(turned);
 
     // Two loops that take turns: step until every ray of the group stands in an occupied cell, then test triangles.
     // Software rasterizers run both sides of an `if` but leave out a loop that no ray enters.

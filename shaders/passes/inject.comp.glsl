@@ -81,7 +81,8 @@ vec3 light_from_light(Site site, uint k, Light light, uint points)
             continue;
         }
         bool traces = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u;
-        sum += traces && is_shaded(site.origin, s.direction, s.distance, hash(seed, i)) ? vec3(0.0) : s.irradiance * cosine;
+        bool shaded = traces && is_shaded(site.origin, s.direction, s.distance, hash(seed, i));
+        sum += shaded ? vec3(0.0) : s.irradiance * cosine;
     }
     return sum / float(max(points, 1u));
 }
@@ -115,7 +116,8 @@ vec3 light_from_lights(Site site)
             uint k = picks.light - 1u;
             Light light = fetch_light(lights_tex, k);
             // A light that brings a large part of all is worth more than one point.
-            uint points = has_size(light) ? clamp(uint(brought / picks.interval), 1u, SAMPLES) : 1u;
+            uint most = has_size(light) ? max(SAMPLES / point_count, 1u) : 1u;
+            uint points = clamp(uint(brought / picks.interval), 1u, most);
             irradiance += factor * light_from_light(site, k, light, points);
         }
     }
