@@ -65,6 +65,13 @@ class CameraRays:
         depth_range = (nearest, max(farthest, nearest + 1.0))
         return cls(size, origin, direction, clip_from_grid, eye, forward, depth_range)
 
+    @property
+    def eye(self) -> tuple[float, float, float, float]:
+        """Homogeneous, grid space: where rays come from, or, of an orthographic camera, against which direction."""
+        is_perspective = not self.origin[1].any()
+        x, y, z = self.position if is_perspective else -self.forward
+        return float(x), float(y), float(z), float(is_perspective)
+
     def uniforms(self, offset: tuple[float, float]) -> dict[str, Any]:
         """Values for lib/camera.glsl; ``offset``: place in the pixel, (0.5, 0.5) is its centre."""
         names = ("ray_origin", "ray_origin_x", "ray_origin_y", "ray_direction", "ray_direction_x", "ray_direction_y")
@@ -87,13 +94,17 @@ MAX_REACH = 11
 
 
 def pixel_offset(index: int, filter_width: float) -> tuple[float, float]:
-    """Where in each pixel pass ``index`` samples, 0..1: the R2 sequence (lib/sampling.glsl).
+    """Where in each pixel pass ``index`` samples, 0..1: multiples of 1/x and 1/x^2 modulo 1, x^3 = x^2 + x + 1.
+
+    A badly approximable pair, as that of the R2 sequence (lib/sampling.glsl), so they are evenly spread at any count;
+    but of another cubic field. With R2 here too, places would go together with points on lights, and the mean of a
+    pixel, which weighs passes by their places, would keep an error however many there are.
 
     It goes both ways from the middle (0, 1, -1, 2, -2, ...), so that the mean of the places stays in the middle and the
     picture of few passes is not shifted. A filter narrower than a pixel keeps the places near the middle.
     """
     place = (index + 1) // 2 if index % 2 else -(index // 2)
-    u = (0.5 + place * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
+    u = (0.5 + place * np.array([0.5436890126920764, 0.2955977425220848])) % 1.0
     side = min(1.0, 2.0 * filter_width)
     return 0.5 + (float(u[0]) - 0.5) * side, 0.5 + (float(u[1]) - 0.5) * side
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from .scene import LightKind, RayVisibility, SceneData
 from .settings import Settings
+from .sharing import shares_triangles
 
 #: Share of a GGX lobe's width that one ray drawn from it stands for; the other rays bring the rest. A lobe has
 #: 2 tan(2 atan(alpha)), about 4 alpha, for half of its light: side of the area over distance, for alpha = roughness^2.
@@ -29,6 +30,7 @@ class Features:
 
     has_geometry: bool
     has_smooth_shading: bool
+    has_instances: bool  # which share the triangles of their mesh
     has_lights: bool
     has_world: bool
     has_emission: bool
@@ -54,7 +56,8 @@ class Features:
     draws_world_at_pixels: bool
     gathers_emission: bool  # rays bring the emission that they meet
     reflects_emission: bool
-    keeps_light: bool  # passes or frames take over light at pixels from those before
+    keeps_light: bool  # passes or frames take over diffuse light at pixels from those before
+    keeps_reflections: bool  # and reflections
 
     @classmethod
     def from_scene(
@@ -108,9 +111,12 @@ class Features:
             )
             for light in scene.lights
         )
+        # Noise is told from passes that know nothing of each other.
+        keeps = settings.noise_threshold <= 0.0 and (settings.reuse_frames or settings.gather_interval > 1)
         return cls(
             has_geometry=has_geometry,
             has_smooth_shading=smooth_shading,
+            has_instances=shares_triangles(scene),
             has_lights=bool(scene.lights),
             has_world=world,
             has_emission=emission,
@@ -136,9 +142,8 @@ class Features:
             draws_world_at_pixels=draws_world,
             gathers_emission=gathers_emission,
             reflects_emission=reflects_emission,
-            keeps_light=gather
-            and settings.noise_threshold <= 0.0  # noise is told from passes that know nothing of each other
-            and (settings.reuse_frames or settings.gather_interval > 1),
+            keeps_light=gather and keeps,
+            keeps_reflections=glossy and keeps,
         )
 
     @property

@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from .gpu.interface import BRICK
-from .scene import DoubleArray, SceneData
+from .links import link_count
+from .scene import DoubleArray, MeshData, SceneData
 from .settings import Settings
+from .sharing import shares_triangles
 
 #: Cells of margin on each side. Not whole: walls of a box that fills the bounds should not lie between two cells.
 MARGIN = 1.37
@@ -18,6 +21,8 @@ MARGIN = 1.37
 BYTES_PER_BRICK = 16
 BYTES_PER_CELL = 16
 BYTES_PER_PAIR = 4
+#: More of it where instances share triangles: which instance it is.
+BYTES_PER_INSTANCE_PAIR = 4
 BYTES_PER_FACE = 16 + 8 + 8
 #: What comes on top when light bounces: straight light, irradiance, radiance twice, a share of the guides of its brick.
 #: Links are four bytes each.
@@ -69,24 +74,32 @@ class VoxelGrid:
         )
 
 
+def _instances_by_mesh(scene: SceneData) -> Iterator[tuple[MeshData, DoubleArray]]:
+    """Each mesh that has triangles, with (K, 4, 4) world_from_object of its instances."""
+    if not scene.instances:
+        return
+    owners = np.array([instance.mesh for instance in scene.instances])
+    matrices = np.array([instance.world_from_object for instance in scene.instances])
+    order = np.argsort(owners, kind="stable")
+    for members in np.split(order, np.flatnonzero(np.diff(owners[order])) + 1):
+        mesh = scene.meshes[owners[members[0]]]
+        if len(mesh.triangle_vertices):
+            yield mesh, matrices[members]
+
+
 def scene_bounds(scene: SceneData) -> DoubleArray | None:
     """(2, 3) world metres around all instances, or None when nothing has a triangle."""
-    corners = []
-    boxes: dict[int, DoubleArray] = {}
-    for instance in scene.instances:
-        mesh = scene.meshes[instance.mesh]
-        if len(mesh.triangle_vertices) == 0:
-            continue
-        if instance.mesh not in boxes:
-            used = mesh.positions[mesh.triangle_vertices.ravel()] if len(mesh.positions) else mesh.positions
-            boxes[instance.mesh] = np.array([used.min(axis=0), used.max(axis=0)], np.float64)
-        box = boxes[instance.mesh]
-        points = np.array([[box[i][0], box[j][1], box[k][2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-        corners.append((points @ instance.world_from_object.T)[:, :3])
-    if not corners:
+    boxes = []
+    for mesh, matrices in _instances_by_mesh(scene):
+        used = mesh.positions[mesh.triangle_vertices.ravel()]
+        box = np.array([used.min(axis=0), used.max(axis=0)], np.float64)
+        corners = np.array([[box[i][0], box[j][1], box[k][2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+        points = (corners @ matrices.transpose(0, 2, 1))[:, :, :3]
+        boxes.append([points.min(axis=(0, 1)), points.max(axis=(0, 1))])
+    if not boxes:
         return None
-    everything = np.concatenate(corners)
-    return np.array([everything.min(axis=0), everything.max(axis=0)])
+    everything = np.array(boxes)
+    return np.array([everything[:, 0].min(axis=0), everything[:, 1].max(axis=0)])
 
 
 @dataclass(frozen=True)
@@ -96,33 +109,34 @@ class SurfaceMeasure:
     area: float  # m2
     perimeter: float = 0.0  # m, of each triangle
     triangles: int = 0
+    is_shared: bool = False  # by instances
+
+    @property
+    def bytes_per_pair(self) -> int:
+        """Of a triangle in a cell's list."""
+        return BYTES_PER_PAIR + (BYTES_PER_INSTANCE_PAIR if self.is_shared else 0)
 
 
 def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
     """Decides how many cells are occupied, and how long their lists are."""
     area, perimeter, triangles = 0.0, 0.0, 0
-    meshes: dict[int, tuple[float, float]] = {}
-    for instance in scene.instances:
-        mesh = scene.meshes[instance.mesh]
-        if instance.mesh not in meshes:
-            a, b, c = (mesh.positions[mesh.triangle_vertices[:, k]].astype(np.float64) for k in range(3))
-            meshes[instance.mesh] = (
-                float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() * 0.5),
-                float(sum(np.linalg.norm(edge, axis=1).sum() for edge in (b - a, c - b, a - c))),
-            )
-        scale = abs(float(np.linalg.det(instance.world_from_object[:3, :3]))) ** (1.0 / 3.0)
-        area += meshes[instance.mesh][0] * scale**2
-        perimeter += meshes[instance.mesh][1] * scale
-        triangles += len(mesh.triangle_vertices)
-    return SurfaceMeasure(area, perimeter, triangles)
+    for mesh, matrices in _instances_by_mesh(scene):
+        a, b, c = (mesh.positions[mesh.triangle_vertices[:, k]].astype(np.float64) for k in range(3))
+        scales = np.abs(np.linalg.det(matrices[:, :3, :3])) ** (1.0 / 3.0)
+        area += float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() * 0.5 * np.square(scales).sum())
+        edges = sum(np.linalg.norm(edge, axis=1).sum() for edge in (b - a, c - b, a - c))
+        perimeter += float(edges * scales.sum())
+        triangles += len(mesh.triangle_vertices) * len(matrices)
+    return SurfaceMeasure(area, perimeter, triangles, shares_triangles(scene))
 
 
 def estimate_memory(
-    resolution: int, extent: tuple[float, float, float], surfaces: SurfaceMeasure, link_count: int
+    resolution: int, extent: tuple[float, float, float], surfaces: SurfaceMeasure, bounce_rays: int
 ) -> int:
     """Bytes that voxels and their light take at ``resolution`` cells along the longest side of a scene.
 
-    ``extent``: its sides, m. While voxels are made, lists of what triangles bring may take more, for a moment.
+    ``extent``: its sides, m. ``bounce_rays``: as in the settings. While voxels are made, lists of what triangles bring
+    may take more, for a moment.
 
     How many cells a triangle enters is, on average over where it lies and how it is turned, the volume of its Minkowski
     sum with a cell (Steiner's formula): 1 + 3/4 perimeter / h + 3/2 area / h^2. Triangles of one surface share cells:
@@ -136,13 +150,17 @@ def estimate_memory(
     pairs = surfaces.triangles + 0.75 * surfaces.perimeter / cell + covered
     cells = min(covered, dense)
     faces = FACES_PER_CELL * cells
-    of_face = BYTES_PER_FACE + LIGHTING_A_FACE + 4 * link_count
+    of_face = BYTES_PER_FACE + LIGHTING_A_FACE + 4 * link_count(bounce_rays, faces)
     bricks = dense / BRICK**3
-    return int(bricks * BYTES_PER_BRICK + cells * BYTES_PER_CELL + pairs * BYTES_PER_PAIR + faces * of_face)
+    return int(bricks * BYTES_PER_BRICK + cells * BYTES_PER_CELL + pairs * surfaces.bytes_per_pair + faces * of_face)
 
 
 def choose_resolution(scene: SceneData, settings: Settings) -> int:
-    """Cells along the longest side: as set, or the finest whose estimated memory is inside the budget."""
+    """Cells along the longest side: as set, or the finest whose estimated memory is inside the budget.
+
+    Every triangle is in some cell's list, however coarse cells are. Where that takes more than half of the budget, the
+    other half is for the rest: coarser cells would save nothing, and rays would have more triangles to look at.
+    """
     if not settings.voxel_auto:
         return settings.voxel_resolution
     bounds = scene_bounds(scene)
@@ -152,6 +170,8 @@ def choose_resolution(scene: SceneData, settings: Settings) -> int:
     sides = (float(extent[0]), float(extent[1]), float(extent[2]))
     surfaces = measure_surfaces(scene)
     budget = settings.memory_budget * 2**20
+    listed = surfaces.triangles * surfaces.bytes_per_pair
+    budget = max(budget, listed + budget // 2)
     resolution = FINEST
     while resolution > 16 and estimate_memory(resolution, sides, surfaces, settings.bounce_rays) > budget:
         resolution -= 8 if resolution <= 128 else 16

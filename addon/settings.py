@@ -137,8 +137,8 @@ class Settings:
     gather_interval: int = _setting(
         "Gather Interval",
         1,
-        "Diffuse light from around is gathered in one of so many samples; the others smooth edges and shadows, and "
-        "take over what was gathered. With a noise threshold, all gather.",
+        "Diffuse light from around, and reflections, are gathered in one of so many samples; the others smooth edges "
+        "and shadows, and take over what was gathered. With a noise threshold, all gather.",
         Panel.SAMPLING,
         cost="time falls with it",
         lo=1,
@@ -148,9 +148,9 @@ class Settings:
     reuse_frames: bool = _setting(
         "Reuse Frames",
         False,
-        "Frames of an animation in which only the camera moves take over diffuse light from the frame before, where it "
-        "saw the same surfaces, and gather less: quicker, with less noise and flicker. A frame then depends on those "
-        "rendered before it. Needs Persistent Data, and no noise threshold.",
+        "Frames of an animation in which only the camera moves take over diffuse light and rough reflections from the "
+        "frame before, where it saw the same surfaces, and gather less: quicker, with less noise and flicker. A frame "
+        "then depends on those rendered before it. Needs Persistent Data, and no noise threshold.",
         Panel.SAMPLING,
         cost="memory for pictures of light; time falls",
     )
@@ -221,7 +221,7 @@ class Settings:
     bounce_rays: int = _setting(
         "Rays per Face",
         8,
-        "Directions in which each voxel face sees others; rounded up to a multiple of four.",
+        "Directions in which each voxel face sees others; rounded up to a multiple of four. More where faces are few.",
         Panel.LIGHT,
         lo=1,
         hi=256,
@@ -360,13 +360,22 @@ class Settings:
         hi=240,
         soft_hi=60,
     )
+    viewport_statistics: bool = _setting(
+        "Statistics",
+        False,
+        "The text in a viewport tells what each pass of the picture took, in milliseconds.",
+        Panel.VIEWPORT,
+    )
     viewport_pass: str = _setting(
         "Pass",
         "COMBINED",
-        "What a viewport shows: the picture, or a part of its light or a property of what is seen.",
+        "What a viewport shows: the picture, a part of its light, a property of what is seen, or voxels.",
         Panel.VIEWPORT,
         choices=(
             ("COMBINED", "Combined", "The picture"),
+            ("DIRECT", "Direct", "All light straight from where it is made"),
+            ("INDIRECT", "Indirect", "All light that surfaces pass on"),
+            ("SPECULAR", "Specular", "All reflections"),
             ("DIFFUSE_DIRECT", "Diffuse Direct", "Diffuse light straight from where it is made"),
             ("DIFFUSE_INDIRECT", "Diffuse Indirect", "Diffuse light that surfaces pass on"),
             ("GLOSSY_DIRECT", "Glossy Direct", "Reflections of where light is made"),
@@ -377,18 +386,43 @@ class Settings:
             ("NORMAL", "Normal", "Shading normals"),
             ("POSITION", "Position", "Places in the world, in metres"),
             ("DEPTH", "Depth", "Distances from the camera, in metres"),
+            ("SHADOW", "Shadow", "Share of the light of lights that no shadow takes"),
+            ("AMBIENT_OCCLUSION", "Ambient Occlusion", "How free surfaces are as far as Ambient Occlusion > Distance"),
+            ("SAMPLE_COUNT", "Sample Count", "Passes that a pixel has had, of those asked for"),
+            ("VOXELS", "Voxels", "Occupied voxels, or blocks of them: see Voxel Level"),
+            ("VOXEL_ALBEDO", "Voxel Albedo", "What voxel faces reflect"),
+            ("VOXEL_NORMAL", "Voxel Normals", "Normals that voxel faces stand for, from (0, 0, 0) to (1, 1, 1)"),
+            ("VOXEL_RADIANCE", "Voxel Radiance", "Light that leaves voxel faces"),
+            ("VOXEL_OPACITY", "Voxel Opacity", "How much of a voxel's side its surfaces cover"),
+            ("VOXEL_EMISSION", "Voxel Emission", "Light that surfaces in voxels send out themselves"),
         ),
         cost="little",
+    )
+    viewport_level: int = _setting(
+        "Voxel Level",
+        0,
+        "Which blocks pass Voxels shows: of 2^level voxels a side.",
+        Panel.VIEWPORT,
+        lo=0,
+        hi=8,
     )
     time_limit: float = _setting(
         "Time Limit",
         0.0,
-        "Stop after this time with the passes done so far. 0: no limit.",
+        "Stop after this time with the passes done so far, in viewports too. 0: no limit.",
         Panel.PERFORMANCE,
         lo=0.0,
         hi=1e6,
         soft_hi=3600.0,
         unit=Unit.SECOND,
+    )
+    debug_checks: bool = _setting(
+        "Debug Checks",
+        False,
+        "What each pass has written is read back and checked: finite, in range, nothing lost. The first thing that "
+        "cannot be ends the render, with an error that names it.",
+        Panel.PERFORMANCE,
+        cost="much: all that is made is read back",
     )
 
     @classmethod

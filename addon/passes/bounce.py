@@ -12,6 +12,7 @@ import numpy as np
 
 from ..gpu import interface
 from ..gpu.context import GpuContext
+from ..links import link_count
 from ..settings import Settings
 from .emitters import FACE_SAMPLES, EmitterTable
 from .voxelize import Voxels
@@ -29,11 +30,6 @@ CHECK_EVERY = 4
 CONVERGED = 1e-3
 #: Faces that each asks for their light, by a short ray.
 NEIGHBOURS = 8
-
-
-def link_count(settings: Settings) -> int:
-    """Links of each face: four to a texel."""
-    return -(-settings.bounce_rays // 4) * 4
 
 
 def unpack_light(stored: np.ndarray) -> np.ndarray:
@@ -77,7 +73,7 @@ class LinkPass:
         """
         self.release()
         gpu, slot = self.gpu, interface.slot
-        self.count = link_count(settings)
+        self.count = link_count(settings.bounce_rays, voxels.faces.count)
         links = gpu.list_texture("links", voxels.faces.count * self.count // 4, 4, "u4")
         self.links = links
         if world.is_lit or emitters.count:

@@ -11,9 +11,9 @@ import numpy as np
 from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
 from ..grid import VoxelGrid
+from ..links import link_count
 from ..scene import AreaShape, LightData, LightKind
 from ..settings import Settings
-from .bounce import link_count
 from .emitters import FACE_SAMPLES, EmitterTable
 from .voxelize import Voxels
 from .world import FACE_SAMPLES as WORLD_SAMPLES
@@ -21,6 +21,13 @@ from .world import WorldLight
 
 #: Threads times lights in one dispatch: bounds how long a step takes, so that cancelling is quick.
 WORK_PER_STEP = 1 << 17
+#: Where faces are few, one point of each tells too little of where shadows end: light is looked for at so many points
+#: in all, but at no more than so many of a face.
+POINTS_IN_ALL = 1 << 18
+MOST_POINTS = 8
+
+#: Lights that a point looks at in about the time of one ray.
+LIGHTS_PER_RAY = 16
 
 
 def light_records(lights: Sequence[LightData], grid: VoxelGrid) -> np.ndarray:
@@ -93,8 +100,18 @@ class LightTable:
         self.records = self.gpu.list_texture("lights", len(texels), 4, "u4", texels)
 
     def defines(self, settings: Settings) -> dict[str, object]:
-        """Kinds of light there are, for lib/light.glsl."""
-        return self._kinds | {"PHYSICAL_FALLOFF": settings.light_falloff == 2.0}
+        """Kinds of light there are, for lib/light.glsl, and whether a part of them is asked (lib/light_pick.glsl)."""
+        return self._kinds | {
+            "PHYSICAL_FALLOFF": settings.light_falloff == 2.0,
+            "HAS_MANY_LIGHTS": self._has_many(settings),
+        }
+
+    def rays(self, settings: Settings) -> int:
+        """Shadows that a point asks for, about; of many lights, what looking at each costs counts as some more."""
+        return interface.LIGHT_PICKS + self.count // LIGHTS_PER_RAY if self._has_many(settings) else self.count
+
+    def _has_many(self, settings: Settings) -> bool:
+        return settings.use_shadows and self.count > interface.LIGHT_PICKS
 
     def bind(self, kernel: Kernel, settings: Settings) -> None:
         """Bind what lib/light.glsl reads."""
@@ -129,6 +146,9 @@ class InjectPass:
         too; or None.
         """
         self.release()
+        points = max(1, min(MOST_POINTS, POINTS_IN_ALL // max(voxels.faces.count, 1)))
+        if lights.count > interface.LIGHT_PICKS:
+            points = 1  # to look at all of them at each point would take long
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 2, "u4")
         self.irradiance = irradiance
         kernel = self.gpu.kernel(
@@ -137,15 +157,13 @@ class InjectPass:
             | lights.defines(settings)
             | {
                 "HAS_LIGHTS": lights.count > 0,
-                "HAS_MANY_LIGHTS": lights.count > interface.LIGHT_PICKS,
                 "HAS_EMITTERS": emitters is not None,
                 "WORLD_IS_DRAWN": world is not None,
                 "WORLD_IS_TEXTURE": world is not None,
             },
         )
-        points = min(lights.count, interface.LIGHT_PICKS)
-        points += (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
-        step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, points))
+        rays = lights.rays(settings) + (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
+        step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, rays * points))
         for first in range(0, voxels.faces.count, step):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
@@ -161,7 +179,8 @@ class InjectPass:
                 irradiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 kernel.set(
                     site_first=first, face_count=voxels.faces.count, random_seed=settings.seed,
-                    use_shadows=settings.use_shadows, link_count=link_count(settings),
+                    use_shadows=settings.use_shadows, point_count=points,
+                    link_count=link_count(settings.bounce_rays, voxels.faces.count),
                 )  # fmt: skip
                 kernel.run_list(min(step, voxels.faces.count - first))
             yield min(1.0, (first + step) / voxels.faces.count)

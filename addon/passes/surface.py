@@ -156,13 +156,21 @@ class SurfacePass:
     def shade(self, surfaces: Surfaces, pictures: SurfacePictures, view: View) -> Iterator[float]:
         """Fill ``pictures`` where ``seen`` says which triangle their rays meet first. Yields the share done."""
         if surfaces.geometry.triangle_count:
-            with self.gpu.timed("surface"):
-                for _ in self._evaluate(surfaces, pictures, view):
-                    yield 0.25
+            for _ in self._timed(self._evaluate(surfaces, pictures, view)):
+                yield 0.25
         yield 0.5
         if surfaces.materials.has_transparency and surfaces.geometry.triangle_count:
             yield from self._look_through(surfaces, pictures, view)
         yield 1.0
+
+    def _timed(self, steps: Iterator[None]) -> Iterator[None]:
+        """The same steps, with the time of each counted, and not what is done between them."""
+        is_more = True
+        while is_more:
+            with self.gpu.timed("surface"):
+                is_more = next(steps, steps) is None
+            if is_more:
+                yield
 
     def _rasterize(self, geometry: Geometry, view: View) -> None:
         gpu, camera = self.gpu, view.camera
@@ -218,6 +226,7 @@ class SurfacePass:
                 "surface",
                 material_pass.defines(batch)
                 | pictures.ray_defines
+                | surfaces.geometry.defines
                 | {
                     "HAS_OPACITY": family.has_transparency,
                     "HAS_GLASS": family.has_transmission,
@@ -253,7 +262,7 @@ class SurfacePass:
         assert self._bins is not None and self._pixels is not None and self._counters is not None
         self._counters.clear()
         for step in (0, 1, 2):
-            kernel = gpu.kernel("pixel_bins", {"STEP": step})
+            kernel = gpu.kernel("pixel_bins", surfaces.geometry.defines | {"STEP": step})
             kernel.set(picture_size=pictures.size, batch_count=len(materials.batches), pending_only=pending)
             surfaces.geometry.triangles.use(slot("TEX_TRIANGLES"))
             materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
@@ -270,17 +279,18 @@ class SurfacePass:
     def _look_through(self, surfaces: Surfaces, pictures: SurfacePictures, view: View) -> Iterator[float]:
         for behind in range(1, MAX_LAYERS):
             with self.gpu.timed("surface"):
-                if not self._advance(surfaces.voxels, pictures, view):
-                    return
-                for _ in self._evaluate(surfaces, pictures, view, behind):
-                    yield 0.5
+                is_more = self._advance(surfaces.voxels, pictures, view)
+            if not is_more:
+                return
+            for _ in self._timed(self._evaluate(surfaces, pictures, view, behind)):
+                yield 0.5
             yield 0.5 + 0.5 * behind / MAX_LAYERS
 
     def _advance(self, voxels: Voxels, pictures: SurfacePictures, view: View) -> bool:
         """Find what lies behind the surfaces that this pass looks through; whether there is anything."""
         gpu, slot = self.gpu, interface.slot
         assert self._counters is not None
-        kernel = gpu.kernel("advance", pictures.ray_defines | {"HAS_OPACITY": False})
+        kernel = gpu.kernel("advance", pictures.ray_defines | voxels.trace_defines | {"HAS_OPACITY": False})
         self._counters.clear()
         voxels.bind(kernel)
         rays = RayVisibility.CAMERA if pictures.rays is None else RayVisibility.GLOSSY

@@ -25,11 +25,13 @@ from ..grid import VoxelGrid
 from ..scene import RayVisibility
 from .geometry import Geometry
 from .materials import Batch, MaterialPass, MaterialSet
-from .voxel_numbers import brick_distances, cell_axes, cell_positions, cell_records, number_faces, popcount
+from .voxel_numbers import cell_axes, cell_positions, cell_records, empty_octants, number_faces, popcount
 
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
 ITEMS_PER_STEP = 1 << 17
 PAIRS_PER_STEP = 1 << 18
+#: One pair in so many more than are expected has room: as triangles lie, they may enter some cells more.
+SPARE_PAIRS = 16
 
 #: Faces stand for points spread evenly from block to block of cells. At least so many blocks lie along the longest
 #: side; in a block rays start alike, which is quicker.
@@ -74,7 +76,7 @@ class Voxels:
 
     @property
     def trace_defines(self) -> dict[str, object]:
-        return {"HAS_OPACITY": self.cell_opacities is not None}
+        return {"HAS_OPACITY": self.cell_opacities is not None, "HAS_INSTANCES": self.cell_triangles.components == 2}
 
     @property
     def site_defines(self) -> dict[str, object]:
@@ -100,7 +102,7 @@ class _Lists:
     records: np.ndarray  # (cells, 4) uint32
     cells: moderngl.Texture  # rgba32ui: records
     cursors: moderngl.Buffer  # next list entry of each cell; in the end, last words of their records
-    triangles: moderngl.Texture  # r32ui
+    triangles: moderngl.Texture  # r32ui, or rg32ui: lib/triangle.glsl
     opacities: moderngl.Texture | None  # r8
     parts: moderngl.Texture | None  # rgba32ui: what triangles bring to faces (lib/part.glsl)
 
@@ -153,7 +155,7 @@ class VoxelizePass:
             kernel.run_list(starts[-1])
             gpu.barrier()  # read back
             counts = np.frombuffer(cursors.read(), np.uint32)[: len(positions)]
-            lists = self._allocate_lists(materials, counts, cursors, starts[-1], has_faces)
+            lists = self._allocate_lists(geometry, materials, counts, cursors, starts[-1], has_faces)
         yield 0.5
 
         batches: list[Batch | None] = [*materials.batches]
@@ -195,7 +197,7 @@ class VoxelizePass:
         )
         yield 1.0
 
-    def _work(self, geometry: Geometry, materials: MaterialSet) -> tuple[list[int], int, moderngl.Buffer]:
+    def _work(self, geometry: Geometry, materials: MaterialSet) -> tuple[list[int], int, moderngl.Texture]:
         """Where each batch's work items start (and the last ones end), about how many pairs there are, the items."""
         gpu, slot = self.gpu, interface.slot
         batches = len(materials.batches)
@@ -203,7 +205,7 @@ class VoxelizePass:
         self._temporary.append(counters)
 
         def run(count: bool) -> None:
-            kernel = gpu.kernel("work", {"COUNT": count})
+            kernel = gpu.kernel("work", geometry.defines | {"COUNT": count})
             kernel.set(
                 grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=int(RayVisibility.ALL),
                 batch_count=batches,
@@ -218,14 +220,19 @@ class VoxelizePass:
         counts = np.frombuffer(counters.read(), np.uint32)[: batches + 1].tolist()
         starts = [0, *accumulate(counts[:batches])]
         counters.write(np.array(starts, np.uint32))
-        work = gpu.buffer("voxel work", size=8 * starts[-1])
+        work = gpu.list_texture("voxel work", starts[-1], 2, "u4")
         self._temporary.append(work)
-        work.bind_to_storage_buffer(slot("BUF_WORK"))
+        work.bind_to_image(slot("IMG_0"), read=False, write=True)
         run(count=False)
-        return starts, counts[-1], work
+        return starts, counts[-1] + counts[-1] // SPARE_PAIRS + 64, work
 
     def _list_pairs(
-        self, geometry: Geometry, item_starts: list[int], work: moderngl.Buffer, mask: moderngl.Texture3D, capacity: int
+        self,
+        geometry: Geometry,
+        item_starts: list[int],
+        work: moderngl.Texture,
+        mask: moderngl.Texture3D,
+        capacity: int,
     ) -> Generator[float, None, tuple[moderngl.Texture, list[int]]]:
         """Mark cells and list pairs. Returns the list, and where each batch's pairs start and the last ones end.
 
@@ -241,11 +248,11 @@ class VoxelizePass:
             for first in range(item_starts[batch], item_starts[batch + 1], ITEMS_PER_STEP):
                 count = min(ITEMS_PER_STEP, item_starts[batch + 1] - first)
                 with gpu.timed("voxelize"):
-                    kernel = gpu.kernel("voxel_pairs")
+                    kernel = gpu.kernel("voxel_pairs", geometry.defines)
                     kernel.set(grid_size=geometry.grid.size, work_first=first, work_count=count)
                     kernel.set(batch=batch, pair_capacity=capacity)
                     geometry.triangles.use(slot("TEX_TRIANGLES"))
-                    work.bind_to_storage_buffer(slot("BUF_WORK"))
+                    work.use(slot("TEX_WORK"))
                     counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
                     mask.bind_to_image(slot("IMG_0"), read=True, write=True)
                     pairs.bind_to_image(slot("IMG_1"), read=False, write=True)
@@ -263,13 +270,19 @@ class VoxelizePass:
         texels = np.empty((len(masks), 4), np.uint32)
         texels[:, :2] = masks.view(np.uint32).reshape(-1, 2)
         texels[:, 2] = np.cumsum(counts) - counts
-        texels[:, 3] = brick_distances((masks != 0).reshape(shape)).ravel()
+        texels[:, 3] = empty_octants((masks != 0).reshape(shape)).ravel()
         bricks = self.gpu.texture_3d("bricks", grid.bricks, 4, "u4", texels)
         self._owned.append(bricks)
         return bricks, cell_positions(masks, grid.bricks)
 
     def _allocate_lists(
-        self, materials: MaterialSet, counts: np.ndarray, cursors: moderngl.Buffer, pairs: int, has_faces: bool
+        self,
+        geometry: Geometry,
+        materials: MaterialSet,
+        counts: np.ndarray,
+        cursors: moderngl.Buffer,
+        pairs: int,
+        has_faces: bool,
     ) -> _Lists:
         gpu = self.gpu
         records = cell_records(counts)
@@ -279,7 +292,7 @@ class VoxelizePass:
             records,
             gpu.list_texture("cells", len(records), 4, "u4", records),
             cursors,
-            gpu.list_texture("cell triangles", pairs, 1, "u4"),
+            gpu.list_texture("cell triangles", pairs, 2 if geometry.has_instances else 1, "u4"),
             gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.lets_light_through else None,
             gpu.list_texture("voxel parts", pairs, 4, "u4") if has_faces else None,
         )
@@ -293,8 +306,9 @@ class VoxelizePass:
     ) -> Kernel:
         """The program of a batch, with its materials bound; ``batch`` None: of all pairs, where none is asked."""
         if batch is None:
-            return self.gpu.kernel("voxel_list")
-        defines = {
+            geometry.bind_triangles()
+            return self.gpu.kernel("voxel_list", geometry.defines)
+        defines = geometry.defines | {
             "HAS_FACES": lists.parts is not None,
             "HAS_OPACITY": lists.opacities is not None,
             "FLAT_SHADING": True,
@@ -318,7 +332,7 @@ class VoxelizePass:
         gpu, slot = self.gpu, interface.slot
         count = len(lists.records)
         assert lists.parts is not None
-        kernel = gpu.kernel("voxel_cut").set(cell_count=count)
+        kernel = gpu.kernel("voxel_cut", geometry.defines).set(cell_count=count)
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
@@ -345,7 +359,7 @@ class VoxelizePass:
             gpu.list_texture("faces", count, 2 if geometry.has_smooth_shading else 1, "u4"),
         )
         self._owned += [faces.place, faces.reflectance, faces.order]
-        kernel = gpu.kernel("voxel_resolve", {"HAS_SHADING_NORMALS": geometry.has_smooth_shading})
+        kernel = gpu.kernel("voxel_resolve", geometry.defines | {"HAS_SHADING_NORMALS": geometry.has_smooth_shading})
         block = min(interface.BRICK, max(1, max(geometry.grid.size) // LINE_BLOCKS))
         kernel.set(work_count=len(items), axis_counts=axis_counts, line_block=block)
         geometry.bind_triangles()

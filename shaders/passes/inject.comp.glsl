@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Light that falls on each voxel face straight from lights (HAS_LIGHTS, and HAS_MANY_LIGHTS: more than LIGHT_PICKS),
+// Light that falls on each voxel face straight from lights (HAS_LIGHTS, and HAS_MANY_LIGHTS: a part is picked),
 // from points drawn on emitters (HAS_EMITTERS), and from directions drawn by the world's light (WORLD_IS_DRAWN).
 // Input: faces, lights, emitters, the world, triangles of cells.    Output: irradiance_img: irradiance / pi, W/(m2 sr).
 // Follows Crassin et al. 2011, "Interactive Indirect Illumination Using Voxel Cone Tracing".
@@ -9,7 +9,7 @@
 #include "lib/sampling.glsl"
 #include "lib/packed_light.glsl"
 #if HAS_LIGHTS
-#include "lib/light.glsl"
+#include "lib/light_pick.glsl"
 #endif
 #if HAS_EMITTERS
 #include "lib/emitter.glsl"
@@ -25,86 +25,116 @@ layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D irradiance_img;
 uniform uint random_seed;
 uniform bool use_shadows;
 uniform float link_count;  // rays that look for emitters and the world too, cosine-distributed (pass link)
+uniform uint point_count;  // of each face, where light is looked for
 
-// Points on a light that has a size; one suffices for the others.
+// Points on a light that has a size, all points of a face together; one suffices for the others.
 const uint SAMPLES = 4u;
 
-#if HAS_LIGHTS && HAS_MANY_LIGHTS
-struct Arriving {
-    LightSample point;  // one on the light
-    vec3 light;         // what it brings where nothing stands between
-    bool casts_shadow;
-};
-
-Arriving arriving_from(Site site, uint k)
+// Point k of what a face stands for: points are spread evenly over the plane of its surface in its cell. `face` is
+// NONE_INDEX where there is no surface, or it is hidden from the first point; else it is no face's number if k > 0, so that
+// random numbers differ.
+Site site_point(Site site, uint k)
 {
-    Light light = fetch_light(lights_tex, k);
-    uint seed = hash(hash(site.face) + k, random_seed);
-    LightSample s = sample_light(light, site.origin, sample_2d(0u, seed));
-    float cosine = max(dot(site.shading_normal, s.direction), 0.0);
-    bool arrives = (light.flags & RAY_DIFFUSE) != 0u && leaves_surface(site, s.direction);
-    return Arriving(s, arrives ? finite_or_zero(s.irradiance) * cosine : vec3(0.0),
-                    (light.flags & LIGHT_CASTS_SHADOW) != 0u);
+    vec3 place = site.origin - site.normal * RAY_START;
+    vec3 cell = floor(place);
+    int axis = dominant_axis(site.normal);
+    int right = (axis + 1) % 3;
+    int up = (axis + 2) % 3;
+    uvec2 first = uvec2(clamp(vec2(place[right] - cell[right], place[up] - cell[up]), 0.0, 1.0) * 4294967040.0);
+    vec2 across = sample_2d(k, first) - sample_2d(0u, first);
+    vec3 shift = vec3(0.0);
+    shift[right] = across.x;
+    shift[up] = across.y;
+    shift[axis] = -dot(shift, site.normal) / site.normal[axis];
+    float depth = place[axis] + shift[axis] - cell[axis];
+    bool is_there = k > 0u && depth >= 0.0 && depth <= 1.0;
+    float size = length(shift);
+    vec3 origin = site.origin;
+    vec3 direction = shift / max(size, 1e-6);
+    for (int look = 0; look < 2; ++look) {  // along the surface, where nothing shall be; down, where it is
+        float reach = look == 0 ? size : 2.0 * RAY_START;
+        bool blocked = is_blocked(origin, direction, is_there ? reach : -1.0, hash(site.face, k));
+        is_there = is_there && blocked == (look == 1);
+        origin = site.origin + shift;
+        direction = -site.normal;
+    }
+    uint number = is_there ? site.face + k * face_count : NONE_INDEX;
+    return Site(k == 0u ? site.face : number, origin, site.normal, site.shading_normal);
 }
 
-// Shadows of a part of the lights stand for all: picks lie evenly on the line of what all bring one after the other, so
-// that each is picked as often as its share asks, and counts so much more. Right on average, and without noise where
-// nothing is in shadow. (Systematic sampling: Madow 1949, "On the Theory of Systematic Sampling".)
+#if HAS_LIGHTS
+// Where several points lie on a light, if it has a size.
+bool has_size(Light light)
+{
+    return light.radius_grid > (light.kind == LIGHT_SUN ? 0.01 : 0.25);
+}
+
+// Irradiance that light k brings, from so many points on it.
+vec3 light_from_light(Site site, uint k, Light light, uint points)
+{
+    uint seed = hash(hash(site.face) + k, random_seed);
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i < points; ++i) {
+        LightSample s = sample_light(light, site.origin, sample_2d(i, seed));
+        float cosine = dot(site.shading_normal, s.direction);
+        if (cosine <= 0.0 || max_component(s.irradiance) <= 0.0 || !leaves_surface(site, s.direction)) {
+            continue;
+        }
+        bool traces = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u;
+        bool shaded = traces && is_shaded(site.origin, s.direction, s.distance, hash(seed, i));
+        sum += shaded ? vec3(0.0) : s.irradiance * cosine;
+    }
+    return sum / float(max(points, 1u));
+}
+
+#if HAS_MANY_LIGHTS
+// About what the light brings, W/m2.
+float estimate(Site site, Light light)
+{
+    vec3 direction;
+    float width;
+    float brought = light_estimate(light, site.origin, direction, width);
+    float cosine = clamp(dot(site.shading_normal, direction) + width, 0.0, 1.0);
+    return (light.flags & RAY_DIFFUSE) != 0u ? brought * cosine : 0.0;
+}
+
 vec3 light_from_lights(Site site)
 {
     float total = 0.0;
     for (uint k = 0u; k < light_count; ++k) {
-        total += max_component(arriving_from(site, k).light);
+        total += estimate(site, fetch_light(lights_tex, k));
     }
-    float interval = total / float(LIGHT_PICKS);
-    uint seed = hash(hash(site.face) + light_count, random_seed);
-    float next = interval * unit_float(seed);
-    uint k = 0u;
-    Arriving arriving = arriving_from(site, 0u);
-    float reached = max_component(arriving.light);
+    Picks picks = start_picks(total, unit_float(hash(hash(site.face) + light_count, random_seed)));
     vec3 irradiance = vec3(0.0);
-    for (uint pick = 0u; pick < uint(LIGHT_PICKS) && total > 0.0; ++pick) {
-        while (reached <= next && k + 1u < light_count) {
-            ++k;
-            arriving = arriving_from(site, k);
-            reached += max_component(arriving.light);
+    while (picks.light < light_count) {
+        float factor = 0.0, brought = 0.0;
+        while (picks.light < light_count && factor == 0.0) {
+            brought = estimate(site, fetch_light(lights_tex, picks.light));
+            factor = next_pick(picks, brought);
         }
-        next += interval;
-        float share = max_component(arriving.light);
-        bool traces = use_shadows && arriving.casts_shadow && share > 0.0;
-        float reach = traces ? arriving.point.distance - RAY_START : -1.0;
-        bool blocked = is_blocked(site.origin, arriving.point.direction, reach, hash(seed, pick));
-        irradiance += blocked || share <= 0.0 ? vec3(0.0) : arriving.light * (interval / share);
+        if (factor > 0.0) {
+            uint k = picks.light - 1u;
+            Light light = fetch_light(lights_tex, k);
+            // A light that brings a large part of all is worth more than one point.
+            uint most = has_size(light) ? max(SAMPLES / point_count, 1u) : 1u;
+            uint points = clamp(uint(brought / picks.interval), 1u, most);
+            irradiance += factor * light_from_light(site, k, light, points);
+        }
     }
     return irradiance;
 }
-#elif HAS_LIGHTS
+#else
 vec3 light_from_lights(Site site)
 {
     vec3 irradiance = vec3(0.0);
     for (uint k = 0u; k < light_count; ++k) {
         Light light = fetch_light(lights_tex, k);
-        if ((light.flags & RAY_DIFFUSE) == 0u) {
-            continue;
-        }
-        uint seed = hash(hash(site.face) + k, random_seed);
-        bool has_size = light.radius_grid > (light.kind == LIGHT_SUN ? 0.01 : 0.25);
-        uint samples = has_size ? SAMPLES : 1u;
-        vec3 sum = vec3(0.0);
-        for (uint i = 0u; i < samples; ++i) {
-            LightSample s = sample_light(light, site.origin, sample_2d(i, seed));
-            float cosine = dot(site.shading_normal, s.direction);
-            if (cosine <= 0.0 || max_component(s.irradiance) <= 0.0 || !leaves_surface(site, s.direction)) {
-                continue;
-            }
-            bool blocked = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u &&
-                           is_blocked(site.origin, s.direction, s.distance - RAY_START, hash(seed, i));
-            sum += blocked ? vec3(0.0) : s.irradiance * cosine;
-        }
-        irradiance += sum / float(samples);
+        uint points = has_size(light) ? max(SAMPLES / point_count, 1u) : 1u;
+        irradiance += light_from_light(site, k, light, (light.flags & RAY_DIFFUSE) == 0u ? 0u : points);
     }
     return irradiance;
 }
+#endif
 #endif
 
 #if HAS_EMITTERS
@@ -120,7 +150,7 @@ vec3 light_from_emitters(Site site)
             !leaves_surface(site, s.direction)) {
             continue;
         }
-        bool blocked = is_blocked(site.origin, s.direction, s.distance - RAY_START, hash(seed, i + 0x517CC1u));
+        bool blocked = is_shaded(site.origin, s.direction, s.distance, hash(seed, i + 0x517CC1u));
         float weight = mis_weight(density, link_count * cosine / PI);
         irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
     }
@@ -155,14 +185,22 @@ void main()
         return;
     }
     vec3 irradiance = vec3(0.0);
+    float points = 0.0;
+    for (uint k = 0u; k < point_count; ++k) {
+        Site point = site_point(site, k);
+        if (point.face == NONE_INDEX) {
+            continue;
+        }
+        points += 1.0;
 #if HAS_LIGHTS
-    irradiance += light_from_lights(site);
+        irradiance += light_from_lights(point);
 #endif
 #if HAS_EMITTERS
-    irradiance += light_from_emitters(site);
+        irradiance += light_from_emitters(point);
 #endif
 #if WORLD_IS_DRAWN
-    irradiance += light_from_world(site);
+        irradiance += light_from_world(point);
 #endif
-    imageStore(irradiance_img, list_texel(site.face), pack_light(irradiance / PI));
+    }
+    imageStore(irradiance_img, list_texel(site.face), pack_light(irradiance / (PI * points)));
 }

@@ -4,6 +4,7 @@
 // trace nothing. Rays that leave the scene bring the world's light, those that meet an emitter its light, weighed against
 // the directions and points that pass inject draws; both are averaged here.
 // Input: faces, emitters, triangles of cells.
+// HAS_SHADING_NORMALS: what rays would lose below the surface is mirrored (lib/received.glsl).
 // Output: link_img (link_count numbers of faces for each face), straight_img: W/(m2 sr), mean over all rays.
 // Follows Keller 1997, "Instant Radiosity", and Szirmay-Kalos 1999, "Stochastic Iteration for Non-diffuse Global
 // Illumination"; differs: one fixed set of rays serves all iterations, so that they are products with a sparse matrix.
@@ -11,6 +12,7 @@
 #include "lib/radiance.glsl"
 #include "lib/site.glsl"
 #include "lib/link_shift.glsl"
+#include "lib/received.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
 #endif
@@ -45,13 +47,19 @@ void main()
     vec3 straight = vec3(0.0);
     for (uint k = link_first; k < link_end; ++k) {
         vec3 direction = sample_cosine(site.shading_normal, sample_2d(k, shift));
-        bool leaves = leaves_surface(site, direction);
+        bool leaves = true;
+#if HAS_SHADING_NORMALS
+        if (dot(site.normal, direction) <= 0.0) {
+            direction = mirrored(direction, site.normal);
+            leaves = unit_float(hash(seed + k, 0x5BD1E9u)) < mirrored_share(site.shading_normal, site.normal);
+        }
+#endif
         Hit hit = trace(site.origin, direction, leaves ? 1e30 : -1.0, RAY_DIFFUSE, false, hash(seed, k));
         uint link = NONE_INDEX;
         if (hit.triangle != NONE_INDEX) {
             link = face_at_hit(site.origin + direction * hit.distance, hit, hash(seed + k, 0x9E3779u));
 #if HAS_EMITTERS
-            float density = float(link_count) * dot(direction, site.shading_normal) / PI;
+            float density = float(link_count) * received_cosine(site.shading_normal, site.normal, direction) / PI;
             Emitted emission = emission_met(hit.triangle, site.origin, direction, hit.distance, density);
             straight += emission.weight * emission.radiance;
 #endif
@@ -59,7 +67,7 @@ void main()
 #if HAS_WORLD
         else if (leaves) {
 #if WORLD_IS_DRAWN
-            float density = float(link_count) * dot(direction, site.shading_normal) / PI;
+            float density = float(link_count) * received_cosine(site.shading_normal, site.normal, direction) / PI;
             straight += world_ray_weight(direction, density) * world_along(direction);
 #else
             straight += world_along(direction);
