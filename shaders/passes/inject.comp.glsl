@@ -80,9 +80,9 @@ vec3 light_from_light(Site site, uint k, Light light, uint points)
         if (cosine <= 0.0 || max_component(s.irradiance) <= 0.0 || !leaves_surface(site, s.direction)) {
             continue;
         }
-        bool blocked = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u &&
-                       is_blocked(site.origin, s.direction, s.distance - RAY_START, hash(seed, i));
-        sum += blocked ? vec3(0.0) : s.irradiance * cosine;
+        bool traces = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u;
+        bool shaded = traces && is_shaded(site.origin, s.direction, s.distance, hash(seed, i));
+        sum += shaded ? vec3(0.0) : s.irradiance * cosine;
     }
     return sum / float(max(points, 1u));
 }
@@ -116,7 +116,8 @@ vec3 light_from_lights(Site site)
             uint k = picks.light - 1u;
             Light light = fetch_light(lights_tex, k);
             // A light that brings a large part of all is worth more than one point.
-            uint points = has_size(light) ? clamp(uint(brought / picks.interval), 1u, SAMPLES) : 1u;
+            uint most = has_size(light) ? max(SAMPLES / point_count, 1u) : 1u;
+            uint points = clamp(uint(brought / picks.interval), 1u, most);
             irradiance += factor * light_from_light(site, k, light, points);
         }
     }
@@ -149,7 +150,7 @@ vec3 light_from_emitters(Site site)
             !leaves_surface(site, s.direction)) {
             continue;
         }
-        bool blocked = is_blocked(site.origin, s.direction, s.distance - RAY_START, hash(seed, i + 0x517CC1u));
+        bool blocked = is_shaded(site.origin, s.direction, s.distance, hash(seed, i + 0x517CC1u));
         float weight = mis_weight(density, link_count * cosine / PI);
         irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
     }
