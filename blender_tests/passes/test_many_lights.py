@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -115,3 +116,15 @@ def test_repeated_picks_of_a_light_are_not_one_point(gpu: GpuContext) -> None:
         return float(np.std(found, axis=0).mean())
 
     assert noise([area, *dim]) < 1.2 * noise([area])
+
+
+def test_an_area_light_of_which_a_corner_shines_is_asked(gpu: GpuContext) -> None:
+    """A square on its corner, its centre below the floor: with 20 others, which are off, as with none."""
+    half = 0.5**0.5
+    axes = np.array([[0.0, half, half], [0.0, -half, half], [-1.0, 0.0, 0.0]])
+    square = scenes.light(LightKind.AREA, 10.0, (-0.9, 0.0, -0.6), size=(1.0, 1.0))
+    square = dataclasses.replace(square, axes=axes)
+    off = scenes.light(LightKind.POINT, 0.0, (0.0, 0.0, 1.0))
+    alone = picture(gpu, [square], 32).mean()
+    assert alone > 1e-3
+    assert picture(gpu, [square, *[off] * 20], 32).mean() == pytest.approx(alone, rel=0.1)

@@ -10,7 +10,7 @@ import pytest
 
 from addon.gpu.context import GpuContext
 from addon.materials.operations import specular_scale_bias
-from addon.scene import LightKind, RayVisibility
+from addon.scene import LightData, LightKind, RayVisibility
 from blender_tests.passes import scenes
 from blender_tests.passes.run import pipeline, radiance, read_voxels, sample
 
@@ -288,3 +288,22 @@ def test_samples_converge(gpu: GpuContext) -> None:
         many = ready.film.read("combined")
     assert np.square(sixteen - many).mean() < 0.3 * np.square(one - many).mean()
     assert many[..., :3].mean() > 0.01
+
+
+@pytest.mark.parametrize("distance", [1e3, 1e5, 1e7])
+def test_shadows_of_far_lights_begin_where_things_stand(distance: float, gpu: GpuContext) -> None:
+    """A point light that is far is a sun: a card close above a floor throws its shadow."""
+    toward = np.array([-1.0, 0.0, 0.5]) / 1.25**0.5
+    card = scenes.plane(0.6, 0.05)
+    sun = scenes.light(LightKind.SUN, 1.0, direction=-toward)
+    point = scenes.light(LightKind.POINT, distance**2, toward * distance)
+
+    def lit(light: LightData) -> np.ndarray:
+        white = scenes.diffuse(0.8)
+        made = scenes.scene((scenes.plane(2.0), white), (card, white), lights=[light])
+        with pipeline(gpu, made, scenes.settings(16, use_indirect=False), size=(32, 32), samples=1) as ready:
+            return ready.film.read("combined")[..., 0]
+
+    expected, found = lit(sun), lit(point)
+    assert (expected < 0.1 * expected.max()).sum() > 20
+    assert (np.abs(found - expected) > 0.1 * expected.max()).mean() < 0.005

@@ -23,20 +23,29 @@ float light_estimate(Light light, vec3 position, out vec3 direction, out float w
     float squared = max(dot(to_light, to_light), 1e-12);
     float distance = sqrt(squared);
     direction = to_light / distance;
-    width = min(light.radius_grid / distance, 1.0);
+    float radius = light.radius_grid;
+#if HAS_AREAS
+    if (light.kind == LIGHT_AREA) {
+        radius = length(vec2(light.half_width_grid, light.half_height_grid));  // corners reach farther than sides
+    }
+#endif
+    width = min(radius / distance, 1.0);
     float estimate = brightness * falloff_factor(distance * cell_size);
 #if HAS_AREAS
     if (light.kind == LIGHT_AREA) {
         float area = 4.0 * light.half_width_grid * light.half_height_grid;
         float cosine = min(dot(direction, light.axis_z) + width, 1.0);
         // By its nearest point, as that is what a point on it may bring.
-        float near = max(distance - light.radius_grid, 0.25 * max(distance, light.radius_grid));
+        float near = max(distance - radius, 0.25 * max(distance, radius));
         return cosine > 0.0 ? estimate * area * cosine * spread_attenuation(light, cosine) / (near * near) : 0.0;
     }
 #endif
 #if HAS_SPOTS
     if (light.kind == LIGHT_SPOT) {
-        estimate *= spot_attenuation(light, -direction, width);
+        // Cosines differ by up to sqrt(2) times the sine, and more where the cone is stretched.
+        float stretch = max_component(light.spot_scale) /
+                        max(min(light.spot_scale.x, min(light.spot_scale.y, light.spot_scale.z)), 1e-6);
+        estimate *= spot_attenuation(light, -direction, min(1.5 * width * stretch, 2.0));
     }
 #endif
     return estimate / ((squared + 0.25 * light.radius_grid * light.radius_grid) * cell_size * cell_size);

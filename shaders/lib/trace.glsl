@@ -140,13 +140,16 @@ bool is_blocked(vec3 origin, vec3 direction, float limit, uint seed)
     return trace(origin, direction, limit, RAY_SHADOW, true, seed).triangle != NONE_INDEX;
 }
 
+// From so far (cells) a ray still ends where it should.
+const float MOST_EXACT = 1e3;
+
 // Whether something stands between a receiver at origin and a point on a light, `distance` cells along direction. The ray
-// comes from the light, unless that is infinitely far: what is in the way of many receivers is met early, and what lies
-// around the receiver is asked only where nothing is in the way.
+// comes from the light, unless that is far: what is in the way of many receivers is met early, and what lies around the
+// receiver is asked only where nothing is in the way.
 bool is_shaded(vec3 origin, vec3 direction, float distance, uint seed)
 {
-    bool comes = distance < 1e29;
+    bool comes = distance < MOST_EXACT;
     vec3 start = comes ? origin + direction * (distance - RAY_START) : origin;
-    float limit = comes ? distance * (1.0 - 4e-6) - 2.0 * RAY_START : distance;  // ends of long rays are inexact
+    float limit = comes ? distance * (1.0 - 4e-6) - 2.0 * RAY_START : distance - RAY_START;
     return is_blocked(start, comes ? -direction : direction, limit, seed);
 }
