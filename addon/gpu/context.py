@@ -29,6 +29,10 @@ _coming = threading.Lock()
 _NO_ERROR = 0
 
 
+#: What moderngl has made of contexts that are not ours, by their handles: it keeps 50 KB of each for ever.
+_attached: dict[int, moderngl.Context] = {}
+
+
 class GpuUnavailable(RuntimeError):
     """There is no usable GL. The text is a sentence for the user."""
 
@@ -140,8 +144,11 @@ class GpuContext:
         try:
             source = loader.current_context_loader()
             with _coming, saved_state(source):  # moderngl changes state when it comes
-                moderngl.init_context(source)
-                return cls(moderngl.get_context(), owned=False)
+                native = loader.current_context()
+                if native not in _attached:
+                    moderngl.init_context(source)
+                    _attached[native] = moderngl.get_context()
+                return cls(_attached[native], owned=False)
         except GpuUnavailable:
             raise
         except Exception as error:

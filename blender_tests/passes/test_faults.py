@@ -14,7 +14,7 @@ import pytest
 
 from addon.gpu.context import GpuContext, GpuUnavailable
 from addon.gpu.program import ShaderError
-from addon.pipeline import LEAST_RESOLUTION, Pipeline
+from addon.pipeline import Pipeline
 from addon.scene import SceneData
 from addon.settings import Settings
 from blender_tests.passes import scenes
@@ -105,7 +105,7 @@ def test_each_allocation_that_fails(
     kind: str, raises: bool, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch, expected: dict[str, Any]
 ) -> None:
     """Of a render, one after the other: an error that names what found no memory, or coarser voxels and a warning.
-    Then the same pipeline renders the right picture, and in the end nothing is left."""
+    Then the same pipeline renders the right picture (tried after some), and in the end nothing is left."""
     right, mgl, before, settings = without_fault(gpu, kind, expected), gpu.mgl, gpu.object_count, KINDS[kind]
     number, is_over, outcomes = 0, False, set()
     while not is_over:
@@ -123,7 +123,7 @@ def test_each_allocation_that_fails(
             except MemoryError as error:
                 assert str(error).startswith("There is no memory for ") and str(error).endswith("."), str(error)
                 outcomes.add(str(error))
-        if not is_over and settings.voxel_resolution <= LEAST_RESOLUTION:
+        if not is_over and number % 8 == 0:
             assert same(render(ready, settings), right), f"after allocation {number} had failed"
         ready.release()
         assert gpu.object_count == before, f"left by allocation {number}"
@@ -243,7 +243,7 @@ def test_an_interruption_at_each_step(kind: str, gpu: GpuContext, expected: dict
                 next(taken, None)
             taken.close()  # type: ignore[attr-defined]
         ready.release()
-        if number % 3 == 0:  # the next interruption is one of a pipeline that was just interrupted
+        if number % 8 == 0:  # those between are of a pipeline that was just interrupted
             assert same(render(again, settings), right), f"after {number} steps"
     again.release()
     assert gpu.object_count == before
