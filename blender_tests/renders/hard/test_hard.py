@@ -43,7 +43,7 @@ def render() -> Iterator[Callable[[Case, str, int], Picture]]:
     gpu.release()
 
 
-@pytest.mark.parametrize(("case", "check"), _checks())
+@pytest.mark.parametrize(("case", "check"), list(_checks()))
 def test_case(case: Case, check: str, render: Callable[..., Picture]) -> None:
     picture = render(case)
     found = measure.parts(picture)
