@@ -72,21 +72,21 @@ class VoxelGrid:
 def scene_bounds(scene: SceneData) -> DoubleArray | None:
     """(2, 3) world metres around all instances, or None when nothing has a triangle."""
     corners = []
-    boxes: dict[int, DoubleArray] = {}
     for instance in scene.instances:
         mesh = scene.meshes[instance.mesh]
         if len(mesh.triangle_vertices) == 0:
             continue
-        if instance.mesh not in boxes:
-            used = mesh.positions[mesh.triangle_vertices.ravel()] if len(mesh.positions) else mesh.positions
-            boxes[instance.mesh] = np.array([used.min(axis=0), used.max(axis=0)], np.float64)
-        box = boxes[instance.mesh]
-        points = np.array([[box[i][0], box[j][1], box[k][2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-        corners.append((points @ instance.world_from_object.T)[:, :3])
+        corners.append(box_corners(mesh.bounds, instance.world_from_object))
     if not corners:
         return None
     everything = np.concatenate(corners)
     return np.array([everything.min(axis=0), everything.max(axis=0)])
+
+
+def box_corners(box: DoubleArray, matrix: DoubleArray) -> DoubleArray:
+    """(8, 3) where a (4, 4) matrix takes the corners of ``box`` (2, 3)."""
+    points = np.array([[box[i][0], box[j][1], box[k][2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    return (points @ matrix.T)[:, :3]
 
 
 @dataclass(frozen=True)
@@ -101,18 +101,11 @@ class SurfaceMeasure:
 def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
     """Decides how many cells are occupied, and how long their lists are."""
     area, perimeter, triangles = 0.0, 0.0, 0
-    meshes: dict[int, tuple[float, float]] = {}
     for instance in scene.instances:
         mesh = scene.meshes[instance.mesh]
-        if instance.mesh not in meshes:
-            a, b, c = (mesh.positions[mesh.triangle_vertices[:, k]].astype(np.float64) for k in range(3))
-            meshes[instance.mesh] = (
-                float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() * 0.5),
-                float(sum(np.linalg.norm(edge, axis=1).sum() for edge in (b - a, c - b, a - c))),
-            )
         scale = abs(float(np.linalg.det(instance.world_from_object[:3, :3]))) ** (1.0 / 3.0)
-        area += meshes[instance.mesh][0] * scale**2
-        perimeter += meshes[instance.mesh][1] * scale
+        area += mesh.area_and_perimeter[0] * scale**2
+        perimeter += mesh.area_and_perimeter[1] * scale
         triangles += len(mesh.triangle_vertices)
     return SurfaceMeasure(area, perimeter, triangles)
 

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from .camera import CameraRays, pixel_offset
+from .edit import MAX_INSTANCES, Edit, edit_between
 from .features import Features
 from .gpu.context import GpuContext
 from .grid import VoxelGrid, choose_resolution, scene_bounds
@@ -40,6 +41,8 @@ from .passes.world import WorldLight
 from .scene import SceneData
 from .settings import Settings
 
+#: Share of the bricks up to which voxels are taken over from those before.
+MOST_CHANGED = 0.5
 #: Voxels do not become coarser than this for want of memory.
 LEAST_RESOLUTION = 16
 
@@ -119,6 +122,7 @@ class Pipeline:
         self._reflect = ReflectPass(gpu)
         self._history = LightHistory(gpu)
         self._scene: SceneData | None = None
+        self._placed: SceneData | None = None  # what the geometry was made of
         self._settings = Settings()
         self._size = (0, 0)
         self._radiance_version = 0
@@ -196,15 +200,22 @@ class Pipeline:
         shape = (scene.meshes, scene.instances)
         automatic = (settings.memory_budget, settings.bounce_rays) if settings.voxel_auto else ()
         resolution = automatic or (settings.voxel_resolution,)
+        edit: Edit | None = None  # what differs from the scene that voxels were made of; None: start again
         if memo.stale("geometry", *shape, *resolution):
             yield Progress(0.02, "Uploading geometry")
-            memo.forget("emitters", "voxels")
             bounds = scene_bounds(scene)
-            self.grid = VoxelGrid.around(
+            placed_grid = VoxelGrid.around(
                 bounds if bounds is not None else np.array([[-1.0] * 3, [1.0] * 3]), choose_resolution(scene, settings)
             )
             with self.gpu.timed("geometry"):
-                self._geometry.run(scene, self.grid, materials)
+                edit = self._edit(scene, placed_grid)
+                self.grid = placed_grid
+                if edit is None or edit.has_meshes or not self._geometry.update(scene, edit.instances):
+                    self._geometry.run(scene, placed_grid, materials)
+                self._placed = scene
+            if edit is None or self._emitters.may_include(scene, edit.instances, materials):
+                memo.forget("emitters")
+            memo.forget("voxels")
             memo.done("geometry", *shape, *resolution)
             yield Progress(0.05, "Voxelizing")
         geometry, grid = self._geometry.geometry, self.grid
@@ -214,6 +225,7 @@ class Pipeline:
             for share in self._emitters.run(scene, geometry, materials, self._materials):
                 yield Progress(0.04 + 0.01 * share, "Finding emitters")
             memo.done("emitters")
+        self._emitters.compare(scene, geometry)
         features = Features.from_scene(
             scene,
             settings,
@@ -237,7 +249,10 @@ class Pipeline:
 
         if memo.stale("voxels", features.needs_radiance):
             memo.forget("links", "radiance")
-            for share in self._voxelize.run(geometry, materials, self._materials, has_faces=features.needs_radiance):
+            changed = edit.bricks if edit else None
+            for share in self._voxelize.run(
+                geometry, materials, self._materials, has_faces=features.needs_radiance, changed=changed
+            ):
                 yield Progress(0.05 + 0.25 * share, "Voxelizing")
             memo.done("voxels", features.needs_radiance)
         voxels = self._voxelize.voxels
@@ -283,6 +298,15 @@ class Pipeline:
                 "or the sizes of images"
             )
         yield Progress(1.0, "Ready")
+
+    def _edit(self, scene: SceneData, grid: VoxelGrid) -> Edit | None:
+        """How ``scene`` differs from the one that voxels were made of; None: start again."""
+        if self._placed is None or grid != self.grid or not self._memo.has("voxels"):
+            return None
+        edit = edit_between(self._placed, scene, grid)
+        if edit is None or len(edit.instances) > MAX_INSTANCES or edit.share > MOST_CHANGED:
+            return None
+        return edit
 
     def _release_light(self) -> None:
         """Of voxels."""

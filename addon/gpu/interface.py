@@ -85,7 +85,8 @@ TEXTURE_ALIASES = {
     "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, root of weight / MAX_FACE_WEIGHT
     "TEX_FACE_STRAIGHT": "TEX_DIFFUSE",  # rg32ui list: from world and emitters along links, W/(m2 sr)
     "TEX_FACE_IRRADIANCE": "TEX_F0",  # rg32ui list: from lights, over pi
-    "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones adjacent; rg32ui: and their shading normals
+    "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones adjacent
+    "TEX_FACE_SHADING": "TEX_DIFFUSE",  # r32ui list: shading normal (octahedral), where light is received
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
     # Emitters, where no material is evaluated.
@@ -100,6 +101,7 @@ TEXTURE_ALIASES = {
     "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
     "TEX_PARTS": "TEX_FACE_RADIANCE",  # rgba32ui list, cell by cell: what pairs bring to faces
     "TEX_CELL_POSITIONS": "TEX_WORLD",  # r32ui list: x | y << 11 | z << 22
+    "TEX_CHANGED_BRICKS": "TEX_CONES",  # r8ui 3D: 1 where voxels are made again
     # Composition reads no grid: what it composes has the grid's units.
     "TEX_DIRECT_DIFFUSE": "TEX_FACE_RADIANCE",
     "TEX_DIRECT_GLOSSY": "TEX_BRICKS",

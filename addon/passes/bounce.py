@@ -47,8 +47,7 @@ def total_light(stored: np.ndarray) -> float:
     """The sum over all faces and channels; ``stored`` as for ``unpack_light``."""
     step = 1 << 18  # so that what is unpacked takes little memory
     return sum(
-        float(unpack_light(stored[first : first + step]).sum(dtype=np.float64))
-        for first in range(0, len(stored), step)
+        float(unpack_light(stored[first : first + step]).sum(dtype=np.float64)) for first in range(0, len(stored), step)
     )
 
 
@@ -84,9 +83,7 @@ class LinkPass:
             self.straight = gpu.list_texture("straight light of faces", voxels.faces.count, 2, "u4")
         kernel = gpu.kernel(
             "link",
-            voxels.site_defines
-            | world.defines
-            | {"HAS_EMITTERS": emitters.count > 0, "WORLD_IS_DRAWN": world_drawn},
+            voxels.site_defines | world.defines | {"HAS_EMITTERS": emitters.count > 0, "WORLD_IS_DRAWN": world_drawn},
         )
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // min(self.count, LINKS_PER_STEP))
         steps = [
@@ -103,7 +100,7 @@ class LinkPass:
                 if world_drawn:
                     world.bind_drawn(kernel, WORLD_SAMPLES, table=False)
                 voxels.faces.bind()
-                voxels.faces.order.use(slot("TEX_FACE_ORDER"))
+                voxels.faces.bind_sites()
                 links.bind_to_image(slot("IMG_0"), read=False, write=True)
                 if self.straight is not None:
                     self.straight.bind_to_image(slot("IMG_1"), read=True, write=True)

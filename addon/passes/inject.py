@@ -150,7 +150,7 @@ class InjectPass:
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
                 voxels.faces.bind()
-                voxels.faces.order.use(interface.slot("TEX_FACE_ORDER"))
+                voxels.faces.bind_sites()
                 if lights.count:
                     lights.bind(kernel, settings)
                 if emitters:

@@ -39,7 +39,7 @@ struct Arriving {
 Arriving arriving_from(Site site, uint k)
 {
     Light light = fetch_light(lights_tex, k);
-    uint seed = hash(hash(site.face) + k, random_seed);
+    uint seed = hash(site.seed + k, random_seed);
     LightSample s = sample_light(light, site.origin, sample_2d(0u, seed));
     float cosine = max(dot(site.shading_normal, s.direction), 0.0);
     bool arrives = (light.flags & RAY_DIFFUSE) != 0u && leaves_surface(site, s.direction);
@@ -57,7 +57,7 @@ vec3 light_from_lights(Site site)
         total += max_component(arriving_from(site, k).light);
     }
     float interval = total / float(LIGHT_PICKS);
-    uint seed = hash(hash(site.face) + light_count, random_seed);
+    uint seed = hash(site.seed + light_count, random_seed);
     float next = interval * unit_float(seed);
     uint k = 0u;
     Arriving arriving = arriving_from(site, 0u);
@@ -87,7 +87,7 @@ vec3 light_from_lights(Site site)
         if ((light.flags & RAY_DIFFUSE) == 0u) {
             continue;
         }
-        uint seed = hash(hash(site.face) + k, random_seed);
+        uint seed = hash(site.seed + k, random_seed);
         bool has_size = light.radius_grid > (light.kind == LIGHT_SUN ? 0.01 : 0.25);
         uint samples = has_size ? SAMPLES : 1u;
         vec3 sum = vec3(0.0);
@@ -111,7 +111,7 @@ vec3 light_from_lights(Site site)
 vec3 light_from_emitters(Site site)
 {
     vec3 irradiance = vec3(0.0);
-    uint seed = hash(hash(site.face) + 0x68E31Du, random_seed);
+    uint seed = hash(site.seed + 0x68E31Du, random_seed);
     for (uint i = 0u; i < uint(emitter_samples); ++i) {
         EmitterSample s = sample_emitter(site.origin, sample_2d(i, seed), hash(seed, i));
         float cosine = dot(site.shading_normal, s.direction);
@@ -132,7 +132,7 @@ vec3 light_from_emitters(Site site)
 vec3 light_from_world(Site site)
 {
     vec3 irradiance = vec3(0.0);
-    uint seed = hash(hash(site.face) + 0x2C1B3Cu, random_seed);
+    uint seed = hash(site.seed + 0x2C1B3Cu, random_seed);
     for (uint i = 0u; i < uint(world_samples); ++i) {
         WorldSample s = sample_world(sample_2d(i, seed), hash(seed, i));
         float cosine = dot(site.shading_normal, s.direction);

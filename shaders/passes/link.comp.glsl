@@ -39,7 +39,7 @@ void main()
     if (site.face == NONE_INDEX) {
         return;
     }
-    uint seed = hash(site.face, random_seed);
+    uint seed = hash(site.seed, random_seed);
     uvec2 shift = link_shift(site.origin, site.normal, random_seed);
     uvec4 links;
     vec3 straight = vec3(0.0);

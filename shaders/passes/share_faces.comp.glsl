@@ -24,7 +24,7 @@ const float ALIKE = 0.95;       // cosine between normals of faces that share
 const float OFF_PLANE = 0.25;   // how far off the tangent plane the other's place may lie, against how far away it is
 
 // The face whose surface is one cell further along a step in the tangent plane; NONE_INDEX: none that is alike and seen.
-uint neighbour(vec3 position, vec3 normal, vec3 step)
+uint neighbour(vec3 position, vec3 normal, vec3 step, uint seed)
 {
     ivec3 cell = ivec3(floor(position + step));
     uint index = cell_index(cell);
@@ -39,7 +39,7 @@ uint neighbour(vec3 position, vec3 normal, vec3 step)
     vec3 apart = there + normal_there * RAY_START - from;
     float distance = max(length(apart), 1e-6);
     bool alike = dot(normal, normal_there) > ALIKE && abs(dot(apart, normal)) < OFF_PLANE * distance;
-    return alike && !is_blocked(from, apart / distance, distance, hash(face)) ? face : NONE_INDEX;
+    return alike && !is_blocked(from, apart / distance, distance, seed) ? face : NONE_INDEX;
 }
 
 void main()
@@ -62,12 +62,13 @@ void main()
     step_up[up] = 1.0;
     step_up[axis] = -normal[up] / normal[axis];
 
+    uint seed = face_seed(face);
     vec3 own = face_radiance(face);
     vec3 incoming = own;
     for (int k = 0; k < 8; ++k) {
         int bin = k < 4 ? k : k + 1;
         ivec2 at = ivec2(bin % 3, bin / 3) - 1;
-        uint other = neighbour(position, normal, float(at.x) * step_right + float(at.y) * step_up);
+        uint other = neighbour(position, normal, float(at.x) * step_right + float(at.y) * step_up, seed);
         float weight = other == NONE_INDEX ? 0.0 : (at.x == 0 || at.y == 0 ? 2.0 : 1.0) / 16.0;
         incoming += weight * (face_radiance(other) - own);
     }
