@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .gpu.interface import BRICK
+from .gpu.interface import BRICK, CHANGED_BOXES
 from .grid import VoxelGrid
 from .scene import DoubleArray, InstanceData, MeshData, SceneData
 
 #: Around triangles, cells: more than rounding moves them.
 MARGIN = 0.01
-#: Boxes that rays are tested against, at most.
-MAX_BOXES = 16
 #: Instances that are transformed one by one, at most.
 MAX_INSTANCES = 256
 
@@ -35,13 +33,13 @@ class Edit:
 
     @property
     def ray_boxes(self) -> DoubleArray:
-        """(up to MAX_BOXES, 2, 3): rays that cross none of these meet what they met before."""
-        return united(self.boxes, MAX_BOXES)
+        """(up to CHANGED_BOXES, 2, 3): rays that cross none of these meet what they met before."""
+        return united(self.boxes, CHANGED_BOXES)
 
     @property
     def brick_boxes(self) -> DoubleArray:
-        """(up to MAX_BOXES, 2, 3) cells, in whole bricks: voxels outside these are what they were."""
-        boxes = united(self.boxes, MAX_BOXES)
+        """(up to CHANGED_BOXES, 2, 3) cells, in whole bricks: voxels outside these are what they were."""
+        boxes = united(self.boxes, CHANGED_BOXES)
         low, high = np.floor(boxes[:, 0] / BRICK), np.floor(boxes[:, 1] / BRICK) + 1.0
         return np.stack([low, high], axis=1) * BRICK
 

@@ -26,6 +26,7 @@ from .passes.compose import Film, PixelLight
 from .passes.cones import ConeVolume
 from .passes.direct import DirectPass
 from .passes.emitters import EmitterTable
+from .passes.face_changes import FaceChanges
 from .passes.frame import Frame, LitVoxels
 from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
@@ -80,6 +81,12 @@ class _Memo:
     def done(self, step: str, *inputs: Any) -> None:
         self._keys[step] = inputs
 
+    def copy(self) -> _Memo:
+        """As it is now."""
+        made = _Memo()
+        made._keys = dict(self._keys)
+        return made
+
     def forget(self, *steps: str) -> None:
         for step in steps:
             self._keys.pop(step, None)
@@ -96,8 +103,10 @@ def _same(a: Any, b: Any) -> bool:
 class Pipeline:
     """Renders one scene into a film. All GL objects live in ``gpu`` and are freed by ``release``."""
 
-    def __init__(self, gpu: GpuContext) -> None:
+    def __init__(self, gpu: GpuContext, *, is_live: bool = False) -> None:
+        """``is_live``: somebody edits the scene. What an edit can take over is kept: 8 bytes for each voxel face."""
         self.gpu = gpu
+        self._is_live = is_live
         self.film = Film(gpu)
         self._wanted: set[str] = {"combined"}
         self._memo = _Memo()
@@ -214,7 +223,7 @@ class Pipeline:
                     self._geometry.run(scene, placed_grid, materials)
                 self._placed = scene
             if edit is None or self._emitters.may_include(scene, edit.instances, materials):
-                memo.forget("emitters")
+                memo.forget("emitters", "links", "radiance")
             memo.forget("voxels")
             memo.done("geometry", *shape, *resolution)
             yield Progress(0.05, "Voxelizing")
@@ -247,7 +256,10 @@ class Pipeline:
                 "of the frame (Ctrl-B), or set Glossy Layers to 0"
             )
 
+        before = _Memo()  # what was done when the voxels were as they were
+        faces_before = self._voxelize.face_count
         if memo.stale("voxels", features.needs_radiance):
+            before = memo.copy()
             memo.forget("links", "radiance")
             changed = edit.bricks if edit else None
             for share in self._voxelize.run(
@@ -260,11 +272,22 @@ class Pipeline:
 
         if memo.stale("lights", scene.lights, grid):
             memo.forget("radiance")
+            before.forget("radiance")
             self._lights.run(scene.lights, grid)
             memo.done("lights", scene.lights, grid)
 
         if features.needs_radiance:
-            yield from self._light_voxels(features)
+            changes = None
+            if edit and self._voxelize.numbers_before is not None:
+                changes = FaceChanges(
+                    self.gpu, self._voxelize.numbers_before, faces_before, edit.ray_boxes, edit.brick_boxes
+                )
+            try:
+                yield from self._light_voxels(features, before, changes)
+            finally:
+                if changes:
+                    changes.release()
+                self._voxelize.numbers_before = None
         else:
             self._release_light()
         if not features.has_guides:
@@ -339,7 +362,8 @@ class Pipeline:
         )
         self._memo.done("history", *inputs)
 
-    def _light_voxels(self, features: Features) -> Iterator[Progress]:
+    def _light_voxels(self, features: Features, before: _Memo, changes: FaceChanges | None) -> Iterator[Progress]:
+        """``before``: what was done for the voxels that ``changes`` are since."""
         settings, memo = self._settings, self._memo
         voxels = self._voxelize.voxels
         assert voxels is not None
@@ -348,8 +372,9 @@ class Pipeline:
         if features.needs_links and memo.stale("links", *links):
             memo.forget("radiance")
             for share in self._links.run(
-                voxels, self._world, self._emitters, drawn=drawn, world_drawn=world_drawn, settings=settings
-            ):
+                voxels, self._world, self._emitters, drawn=drawn, world_drawn=world_drawn, settings=settings,
+                changes=None if before.stale("links", *links) else changes,
+            ):  # fmt: skip
                 yield Progress(0.3 + 0.5 * share, "Linking voxels")
             memo.done("links", *links)
         if not features.needs_links:
@@ -363,14 +388,16 @@ class Pipeline:
             if features.has_lights or drawn or world_drawn:
                 emitters = self._emitters if drawn else None
                 world = self._world if world_drawn else None
-                for share in self._inject.run(voxels, self._lights, emitters, world, settings):
+                kept = None if before.stale("radiance", *light) else changes
+                for share in self._inject.run(voxels, self._lights, emitters, world, settings, kept):
                     yield Progress(0.8 + 0.1 * share, "Lighting voxels")
             else:
                 self._inject.release()
             passed = self._links if features.needs_links else None
             for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
-            self._inject.release()  # whatever changes the light injects it anew
+            if not self._is_live:
+                self._inject.release()  # whatever changes the light injects it anew
             memo.done("radiance", *light)
             self._radiance_version += 1
 

@@ -14,6 +14,7 @@ from ..gpu import interface
 from ..gpu.context import GpuContext
 from ..settings import Settings
 from .emitters import FACE_SAMPLES, EmitterTable
+from .face_changes import FaceChanges
 from .voxelize import Voxels
 from .world import FACE_SAMPLES as WORLD_SAMPLES
 from .world import WorldLight
@@ -69,18 +70,29 @@ class LinkPass:
         drawn: bool,
         world_drawn: bool,
         settings: Settings,
+        changes: FaceChanges | None = None,
     ) -> Iterator[float]:
         """Trace the links. Yields the share done. Raises MemoryError when there are too many for a texture.
 
-        ``drawn``, ``world_drawn``: pass inject draws points on emitters and directions of the world too.
+        ``drawn``, ``world_drawn``: pass inject draws points on emitters and directions of the world too. ``changes``:
+        what a scene that is the same but for an edit keeps of the links there are; None: nothing.
         """
-        self.release()
         gpu, slot = self.gpu, interface.slot
+        before = (self.links, self.straight) if changes else (None, None)
+        if not changes:
+            self.release()
         self.count = link_count(settings)
         links = gpu.list_texture("links", voxels.faces.count * self.count // 4, 4, "u4")
         self.links = links
         if world.is_lit or emitters.count:
             self.straight = gpu.list_texture("straight light of faces", voxels.faces.count, 2, "u4")
+        count = voxels.faces.count
+        try:
+            if changes:
+                yield from self._keep(voxels, changes, before, settings)
+                count = changes.found()
+        finally:
+            gpu.free(*before)
         kernel = gpu.kernel(
             "link",
             voxels.site_defines | world.defines | {"HAS_EMITTERS": emitters.count > 0, "WORLD_IS_DRAWN": world_drawn},
@@ -88,7 +100,7 @@ class LinkPass:
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // min(self.count, LINKS_PER_STEP))
         steps = [
             (first, link)
-            for first in range(0, voxels.faces.count, step)
+            for first in range(0, count, step)
             for link in range(0, self.count, LINKS_PER_STEP)
         ]
         for number, (first, link) in enumerate(steps, 1):
@@ -101,18 +113,51 @@ class LinkPass:
                     world.bind_drawn(kernel, WORLD_SAMPLES, table=False)
                 voxels.faces.bind()
                 voxels.faces.bind_sites()
+                if changes:
+                    changes.bind_list()
                 links.bind_to_image(slot("IMG_0"), read=False, write=True)
                 if self.straight is not None:
                     self.straight.bind_to_image(slot("IMG_1"), read=True, write=True)
                 kernel.set(
-                    site_first=first, face_count=voxels.faces.count, link_count=self.count, link_first=link,
+                    site_first=first, face_count=count, link_count=self.count, link_first=link,
                     link_end=min(link + LINKS_PER_STEP, self.count), random_seed=settings.seed,
                 )  # fmt: skip
                 if link > 0:
                     gpu.barrier()  # light is added to that of the links before
-                kernel.run_list(min(step, voxels.faces.count - first))
+                kernel.run_list(min(step, count - first))
             yield number / len(steps)
         gpu.barrier()  # bounces read links and light
+
+    def _keep(
+        self,
+        voxels: Voxels,
+        changes: FaceChanges,
+        before: tuple[moderngl.Texture | None, moderngl.Texture | None],
+        settings: Settings,
+    ) -> Iterator[float]:
+        """Take over what stays of links and straight light ``before``, and list the other faces."""
+        gpu, slot, count = self.gpu, interface.slot, voxels.faces.count
+        links, straight = before
+        assert links is not None and self.links is not None
+        kernel = gpu.kernel("link_keep", voxels.site_defines | {"HAS_STRAIGHT": straight is not None})
+        changes.begin()
+        step = max(interface.GROUP_SIZE, 4 * RAYS_PER_STEP // self.count)
+        for first in range(0, count, step):
+            with gpu.timed("link"):
+                voxels.bind(kernel)
+                voxels.faces.bind()
+                voxels.faces.bind_sites()
+                changes.bind(kernel, changes.reach)
+                links.use(slot("TEX_LINKS"))
+                self.links.bind_to_image(slot("IMG_0"), read=False, write=True)
+                if straight is not None and self.straight is not None:
+                    straight.use(slot("TEX_STRAIGHT_BEFORE"))
+                    self.straight.bind_to_image(slot("IMG_2"), read=False, write=True)
+                kernel.set(
+                    site_first=first, face_count=count, link_count=self.count, random_seed=settings.seed
+                )  # fmt: skip
+                kernel.run_list(min(step, count - first))
+            yield 0.0
 
     def release(self) -> None:
         """Free everything."""

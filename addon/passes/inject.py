@@ -15,6 +15,7 @@ from ..scene import AreaShape, LightData, LightKind
 from ..settings import Settings
 from .bounce import link_count
 from .emitters import FACE_SAMPLES, EmitterTable
+from .face_changes import FaceChanges
 from .voxelize import Voxels
 from .world import FACE_SAMPLES as WORLD_SAMPLES
 from .world import WorldLight
@@ -122,17 +123,20 @@ class InjectPass:
         emitters: EmitterTable | None,
         world: WorldLight | None,
         settings: Settings,
+        changes: FaceChanges | None = None,
     ) -> Iterator[float]:
         """Trace shadows and sum up irradiance / pi. Yields the share done.
 
         ``emitters``, ``world``: points and directions are drawn of them, weighed against the links, which look for them
-        too; or None.
+        too; or None. ``changes``: what a scene that is the same but for an edit keeps of the irradiance there is; None:
+        nothing.
         """
-        self.release()
+        before = self.irradiance if changes else None
+        if before is None:
+            self.release()
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 2, "u4")
         self.irradiance = irradiance
-        kernel = self.gpu.kernel(
-            "inject",
+        defines = (
             voxels.site_defines
             | lights.defines(settings)
             | {
@@ -141,16 +145,48 @@ class InjectPass:
                 "HAS_EMITTERS": emitters is not None,
                 "WORLD_IS_DRAWN": world is not None,
                 "WORLD_IS_TEXTURE": world is not None,
-            },
+            }
         )
+        sources = lights, emitters, world, settings
+        count = voxels.faces.count
+        try:
+            if changes and before:
+                changes.begin()
+                finding = self.gpu.kernel("inject", defines | {"FINDS_CHANGED": True})
+                yield from self._steps(finding, voxels, irradiance, count, sources, (changes, before))
+                count = changes.found()
+            kernel = self.gpu.kernel("inject", defines | {"FINDS_CHANGED": False})
+            yield from self._steps(kernel, voxels, irradiance, count, sources, (changes, None))
+        finally:
+            self.gpu.free(before)
+        self.gpu.barrier()  # bounces read it as a texture
+
+    def _steps(
+        self,
+        kernel: Kernel,
+        voxels: Voxels,
+        irradiance: moderngl.Texture,
+        count: int,
+        sources: tuple[LightTable, EmitterTable | None, WorldLight | None, Settings],
+        taken: tuple[FaceChanges | None, moderngl.Texture | None],
+    ) -> Iterator[float]:
+        """Over ``count`` faces: those that were found to be changed, or else all. ``taken``: what is taken over, from
+        where; where there is no such texture, only the list of changed faces."""
+        lights, emitters, world, settings = sources
+        changes, before = taken
         points = min(lights.count, interface.LIGHT_PICKS)
         points += (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
         step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, points))
-        for first in range(0, voxels.faces.count, step):
+        for first in range(0, count, step):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
                 voxels.faces.bind()
                 voxels.faces.bind_sites()
+                if changes and before:
+                    changes.bind(kernel, changes.boxes)
+                    before.use(interface.slot("TEX_FACE_IRRADIANCE"))
+                elif changes:
+                    changes.bind_list()
                 if lights.count:
                     lights.bind(kernel, settings)
                 if emitters:
@@ -160,12 +196,11 @@ class InjectPass:
                     world.bind_drawn(kernel, WORLD_SAMPLES, table=True)
                 irradiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 kernel.set(
-                    site_first=first, face_count=voxels.faces.count, random_seed=settings.seed,
+                    site_first=first, face_count=count, random_seed=settings.seed,
                     use_shadows=settings.use_shadows, link_count=link_count(settings),
                 )  # fmt: skip
-                kernel.run_list(min(step, voxels.faces.count - first))
-            yield min(1.0, (first + step) / voxels.faces.count)
-        self.gpu.barrier()  # bounces read it as a texture
+                kernel.run_list(min(step, count - first))
+            yield min(1.0, (first + step) / count)
 
     def release(self) -> None:
         """Free it."""

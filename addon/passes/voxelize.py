@@ -124,6 +124,11 @@ class VoxelizePass:
         self._owned: list[Any] = []
         self._temporary: list[Any] = []
 
+    @property
+    def face_count(self) -> int:
+        """Faces there are."""
+        return self.voxels.faces.count if self.voxels is not None and self.voxels.lit_faces is not None else 0
+
     def run(
         self,
         geometry: Geometry,

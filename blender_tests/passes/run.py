@@ -158,9 +158,10 @@ def pipeline(
     *,
     samples: int | None = None,
     outputs: tuple[str, ...] = (),
+    is_live: bool = False,
 ) -> Iterator[Pipeline]:
     """A pipeline after ``prepare`` and ``samples`` passes (as set)."""
-    made = Pipeline(gpu)
+    made = Pipeline(gpu, is_live=is_live)
     try:
         made.want(outputs)
         prepare(made, scene, settings, size)

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light that falls on each voxel face straight from lights (HAS_LIGHTS, and HAS_MANY_LIGHTS: more than LIGHT_PICKS),
 // from points drawn on emitters (HAS_EMITTERS), and from directions drawn by the world's light (WORLD_IS_DRAWN).
+// FINDS_CHANGED: after an edit; nothing is traced. Faces whose light stays get what they had, and the others are listed.
 // Input: faces, lights, emitters, the world, triangles of cells.    Output: irradiance_img: irradiance / pi, W/(m2 sr).
 // Follows Crassin et al. 2011, "Interactive Indirect Illumination Using Voxel Cone Tracing".
 // Differs: visibility is a ray against the geometry for occupied voxels only, not a light-view map or a march.
@@ -18,7 +19,15 @@
 #include "lib/world_sample.glsl"
 #endif
 
+#if FINDS_CHANGED
+#include "lib/changed_faces.glsl"
+#endif
+
 layout(local_size_x = GROUP_SIZE) in;
+
+#if FINDS_CHANGED
+layout(binding = TEX_FACE_IRRADIANCE) uniform usampler2D irradiance_before_tex;
+#endif
 
 layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D irradiance_img;
 
@@ -28,6 +37,20 @@ uniform float link_count;  // rays that look for emitters and the world too, cos
 
 // Points on a light that has a size; one suffices for the others.
 const uint SAMPLES = 4u;
+
+#if FINDS_CHANGED
+bool has_changed = false;
+#endif
+
+bool is_shadowed(vec3 origin, vec3 direction, float limit, uint seed)
+{
+#if FINDS_CHANGED
+    has_changed = has_changed || crosses_box(origin, direction, limit);
+    return false;
+#else
+    return is_blocked(origin, direction, limit, seed);
+#endif
+}
 
 #if HAS_LIGHTS && HAS_MANY_LIGHTS
 struct Arriving {
@@ -73,7 +96,7 @@ vec3 light_from_lights(Site site)
         float share = max_component(arriving.light);
         bool traces = use_shadows && arriving.casts_shadow && share > 0.0;
         float reach = traces ? arriving.point.distance - RAY_START : -1.0;
-        bool blocked = is_blocked(site.origin, arriving.point.direction, reach, hash(seed, pick));
+        bool blocked = is_shadowed(site.origin, arriving.point.direction, reach, hash(seed, pick));
         irradiance += blocked || share <= 0.0 ? vec3(0.0) : arriving.light * (interval / share);
     }
     return irradiance;
@@ -98,7 +121,7 @@ vec3 light_from_lights(Site site)
                 continue;
             }
             bool blocked = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u &&
-                           is_blocked(site.origin, s.direction, s.distance - RAY_START, hash(seed, i));
+                           is_shadowed(site.origin, s.direction, s.distance - RAY_START, hash(seed, i));
             sum += blocked ? vec3(0.0) : s.irradiance * cosine;
         }
         irradiance += sum / float(samples);
@@ -120,7 +143,7 @@ vec3 light_from_emitters(Site site)
             !leaves_surface(site, s.direction)) {
             continue;
         }
-        bool blocked = is_blocked(site.origin, s.direction, s.distance - RAY_START, hash(seed, i + 0x517CC1u));
+        bool blocked = is_shadowed(site.origin, s.direction, s.distance - RAY_START, hash(seed, i + 0x517CC1u));
         float weight = mis_weight(density, link_count * cosine / PI);
         irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
     }
@@ -139,7 +162,7 @@ vec3 light_from_world(Site site)
         if (cosine <= 0.0 || s.density <= 0.0 || !leaves_surface(site, s.direction)) {
             continue;
         }
-        bool blocked = is_blocked(site.origin, s.direction, 1e30, hash(seed, i + 0x517CC1u));
+        bool blocked = is_shadowed(site.origin, s.direction, 1e30, hash(seed, i + 0x517CC1u));
         float density = world_samples * s.density;
         float weight = mis_weight(density, link_count * cosine / PI);
         irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
@@ -164,5 +187,14 @@ void main()
 #if WORLD_IS_DRAWN
     irradiance += light_from_world(site);
 #endif
+#if FINDS_CHANGED
+    uint before = number_before(site.face);
+    if (has_changed || before == NONE_INDEX) {
+        list_changed(site.face);
+    } else {
+        imageStore(irradiance_img, list_texel(site.face), texelFetch(irradiance_before_tex, list_texel(before), 0));
+    }
+#else
     imageStore(irradiance_img, list_texel(site.face), pack_light(irradiance / PI));
+#endif
 }

@@ -44,7 +44,7 @@ void main()
     uvec4 links;
     vec3 straight = vec3(0.0);
     for (uint k = link_first; k < link_end; ++k) {
-        vec3 direction = sample_cosine(site.shading_normal, sample_2d(k, shift));
+        vec3 direction = link_direction(site.shading_normal, k, shift);
         bool leaves = leaves_surface(site, direction);
         Hit hit = trace(site.origin, direction, leaves ? 1e30 : -1.0, RAY_DIFFUSE, false, hash(seed, k));
         uint link = NONE_INDEX;

@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// After an edit of the scene: links that stay, and a list of the faces whose links are to be traced again. A ray that
+// crosses no box around what was edited, up to where it ended, ends there again, at the face that stands for that place.
+// Input: faces, their numbers before and now, links and straight light before.
+// Output: link_img, straight_img (HAS_STRAIGHT), changed_img.
+
+#include "lib/site.glsl"
+#include "lib/link_shift.glsl"
+#include "lib/changed_faces.glsl"
+
+layout(local_size_x = GROUP_SIZE) in;
+
+layout(binding = TEX_LINKS) uniform usampler2D links_before_tex;
+layout(binding = TEX_NUMBERS_NOW) uniform usampler2D numbers_now_tex;
+layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
+#if HAS_STRAIGHT
+layout(binding = TEX_STRAIGHT_BEFORE) uniform usampler2D straight_before_tex;
+layout(binding = IMG_2, rg32ui) writeonly uniform uimage2D straight_img;
+#endif
+
+uniform uint link_count;  // a multiple of four
+uniform uint random_seed;
+
+// From where a ray ends to the place of the face that it was linked to, at most: half a cell along the surface, and a cell.
+const float FARTHEST_PLACE = 4.0;
+
+void main()
+{
+    Site site = site_of_thread();
+    if (site.face == NONE_INDEX) {
+        return;
+    }
+    uint before = number_before(site.face);
+    bool has_changed = before == NONE_INDEX;
+    uvec2 shift = link_shift(site.origin, site.normal, random_seed);
+    uint quads = has_changed ? 0u : link_count / 4u;
+    for (uint q = 0u; q < quads; ++q) {
+        uvec4 links = texelFetch(links_before_tex, list_texel(before * quads + q), 0);
+        for (int k = 0; k < 4; ++k) {
+            vec3 direction = link_direction(site.shading_normal, 4u * q + uint(k), shift);
+            float limit = leaves_surface(site, direction) ? 1e30 : -1.0;
+            if (links[k] != NONE_INDEX) {
+                links[k] = texelFetch(numbers_now_tex, list_texel(links[k]), 0).r;
+                has_changed = has_changed || links[k] == NONE_INDEX;
+                vec3 place, normal;
+                fetch_face_place(links[k] == NONE_INDEX ? 0u : links[k], place, normal);
+                limit = min(limit, distance(place, site.origin) + FARTHEST_PLACE);
+            }
+            has_changed = has_changed || crosses_box(site.origin, direction, limit);
+        }
+        imageStore(link_img, list_texel(site.face * quads + q), links);
+    }
+    if (has_changed) {
+        list_changed(site.face);
+        return;
+    }
+#if HAS_STRAIGHT
+    imageStore(straight_img, list_texel(site.face), texelFetch(straight_before_tex, list_texel(before), 0));
+#endif
+}
