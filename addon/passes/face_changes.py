@@ -19,7 +19,8 @@ class FaceChanges:
         self, gpu: GpuContext, numbers_before: np.ndarray, count_before: int, boxes: DoubleArray, reach: DoubleArray
     ) -> None:
         """``numbers_before``: (faces,) uint32, NONE_INDEX for new ones. ``boxes``, ``reach``: (up to CHANGED_BOXES, 2, 3)
-        cells: rays that cross none of ``boxes`` meet what they met; voxels outside ``reach`` are what they were."""
+        cells: rays that cross none of ``boxes`` meet what they met; ends of rays outside ``reach`` find the faces that they
+        found."""
         self.gpu = gpu
         self.boxes, self.reach = boxes, reach
         count = len(numbers_before)
@@ -42,6 +43,10 @@ class FaceChanges:
         self._now.use(slot("TEX_NUMBERS_NOW"))
         self._changed.bind_to_image(slot("IMG_1"), read=False, write=True)
         self._counter.bind_to_storage_buffer(slot("BUF_COUNTS"))
+        self.bind_boxes(kernel, boxes)
+
+    def bind_boxes(self, kernel: Kernel, boxes: DoubleArray) -> None:
+        """Bind what lib/changed_boxes.glsl reads."""
         padded = np.zeros((interface.CHANGED_BOXES, 2, 3))
         padded[: len(boxes)] = boxes
         kernel.set(box_low=padded[:, 0].tolist(), box_high=padded[:, 1].tolist(), box_count=len(boxes))

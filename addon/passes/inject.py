@@ -152,11 +152,15 @@ class InjectPass:
         try:
             if changes and before:
                 changes.begin()
-                finding = self.gpu.kernel("inject", defines | {"FINDS_CHANGED": True})
-                yield from self._steps(finding, voxels, irradiance, count, sources, (changes, before))
+                reach = None if emitters or world else self._find_reach(voxels, lights, settings, changes)
+                finding = self.gpu.kernel("inject", defines | {"FINDS_CHANGED": True, "HAS_REACH": reach is not None})
+                try:
+                    yield from self._steps(finding, voxels, irradiance, count, sources, (changes, before, reach))
+                finally:
+                    self.gpu.free(reach)
                 count = changes.found()
             kernel = self.gpu.kernel("inject", defines | {"FINDS_CHANGED": False})
-            yield from self._steps(kernel, voxels, irradiance, count, sources, (changes, None))
+            yield from self._steps(kernel, voxels, irradiance, count, sources, (changes, None, None))
         finally:
             self.gpu.free(before)
         self.gpu.barrier()  # bounces read it as a texture
@@ -168,12 +172,13 @@ class InjectPass:
         irradiance: moderngl.Texture,
         count: int,
         sources: tuple[LightTable, EmitterTable | None, WorldLight | None, Settings],
-        taken: tuple[FaceChanges | None, moderngl.Texture | None],
+        taken: tuple[FaceChanges | None, moderngl.Texture | None, moderngl.Texture3D | None],
     ) -> Iterator[float]:
         """Over ``count`` faces: those that were found to be changed, or else all. ``taken``: what is taken over, from
-        where; where there is no such texture, only the list of changed faces."""
+        where, and the bricks in which faces may have changed; with no texture to take over, the list of changed faces
+        counts."""
         lights, emitters, world, settings = sources
-        changes, before = taken
+        changes, before, reach = taken
         points = min(lights.count, interface.LIGHT_PICKS)
         points += (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
         step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, points))
@@ -185,6 +190,8 @@ class InjectPass:
                 if changes and before:
                     changes.bind(kernel, changes.boxes)
                     before.use(interface.slot("TEX_FACE_IRRADIANCE"))
+                    if reach:
+                        reach.use(interface.slot("TEX_REACH"))
                 elif changes:
                     changes.bind_list()
                 if lights.count:
@@ -201,6 +208,22 @@ class InjectPass:
                 )  # fmt: skip
                 kernel.run_list(min(step, count - first))
             yield min(1.0, (first + step) / count)
+
+    def _find_reach(
+        self, voxels: Voxels, lights: LightTable, settings: Settings, changes: FaceChanges
+    ) -> moderngl.Texture3D:
+        bricks = voxels.grid.bricks
+        reach = self.gpu.texture_3d("light reach", bricks, 1, "u1")
+        with self.gpu.timed("inject"):
+            kernel = self.gpu.kernel("inject_reach", lights.defines(settings))
+            voxels.bricks.use(interface.slot("TEX_BRICKS"))
+            lights.bind(kernel, settings)
+            changes.bind_boxes(kernel, changes.boxes)
+            reach.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
+            kernel.set(brick_count=bricks, grid_size=voxels.grid.size)
+            kernel.run_list(bricks[0] * bricks[1] * bricks[2])
+            self.gpu.barrier()  # read as a texture
+        return reach
 
     def release(self) -> None:
         """Free it."""

@@ -2,6 +2,7 @@
 // Light that falls on each voxel face straight from lights (HAS_LIGHTS, and HAS_MANY_LIGHTS: more than LIGHT_PICKS),
 // from points drawn on emitters (HAS_EMITTERS), and from directions drawn by the world's light (WORLD_IS_DRAWN).
 // FINDS_CHANGED: after an edit; nothing is traced. Faces whose light stays get what they had, and the others are listed.
+// HAS_REACH: only bricks that are marked can have such (pass inject_reach).
 // Input: faces, lights, emitters, the world, triangles of cells.    Output: irradiance_img: irradiance / pi, W/(m2 sr).
 // Follows Crassin et al. 2011, "Interactive Indirect Illumination Using Voxel Cone Tracing".
 // Differs: visibility is a ray against the geometry for occupied voxels only, not a light-view map or a march.
@@ -27,6 +28,9 @@ layout(local_size_x = GROUP_SIZE) in;
 
 #if FINDS_CHANGED
 layout(binding = TEX_FACE_IRRADIANCE) uniform usampler2D irradiance_before_tex;
+#if HAS_REACH
+layout(binding = TEX_REACH) uniform usampler3D reach_tex;
+#endif
 #endif
 
 layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D irradiance_img;
@@ -45,7 +49,7 @@ bool has_changed = false;
 bool is_shadowed(vec3 origin, vec3 direction, float limit, uint seed)
 {
 #if FINDS_CHANGED
-    has_changed = has_changed || crosses_box(origin, direction, limit);
+    has_changed = has_changed || crosses_box(origin, direction, limit, 0.0);
     return false;
 #else
     return is_blocked(origin, direction, limit, seed);
@@ -178,7 +182,12 @@ void main()
         return;
     }
     vec3 irradiance = vec3(0.0);
-#if HAS_LIGHTS
+#if FINDS_CHANGED && HAS_REACH
+    uint reach = texelFetch(reach_tex, clamp(ivec3(site.origin), ivec3(0), grid_size - 1) / BRICK, 0).r;
+    for (bool unsure = reach != 0u; unsure; unsure = false) {  // a loop: software rasterizers run all of an `if`
+        irradiance += light_from_lights(site);
+    }
+#elif HAS_LIGHTS
     irradiance += light_from_lights(site);
 #endif
 #if HAS_EMITTERS
