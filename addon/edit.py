@@ -38,8 +38,8 @@ class Edit:
 
     @property
     def brick_boxes(self) -> DoubleArray:
-        """(up to CHANGED_BOXES, 2, 3) cells: whole bricks, outside which voxels are what they were, and the cells beside
-        them, where rays may look these up."""
+        """(up to CHANGED_BOXES, 2, 3) cells: whole bricks, outside which voxels are what they were, and the cells
+        beside them, where rays may look these up."""
         boxes = united(self.boxes, CHANGED_BOXES)
         low, high = np.floor(boxes[:, 0] / BRICK), np.floor(boxes[:, 1] / BRICK) + 1.0
         return np.stack([low * BRICK - 1.0, high * BRICK + 1.0], axis=1)

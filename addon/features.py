@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from .scene import LightKind, RayVisibility, SceneData
 from .settings import Settings
+from .sharing import shares_triangles
 
 #: Share of a GGX lobe's width that one ray drawn from it stands for; the other rays bring the rest. A lobe has
 #: 2 tan(2 atan(alpha)), about 4 alpha, for half of its light: side of the area over distance, for alpha = roughness^2.
@@ -29,6 +30,7 @@ class Features:
 
     has_geometry: bool
     has_smooth_shading: bool
+    has_instances: bool  # which share the triangles of their mesh
     has_lights: bool
     has_world: bool
     has_emission: bool
@@ -111,6 +113,7 @@ class Features:
         return cls(
             has_geometry=has_geometry,
             has_smooth_shading=smooth_shading,
+            has_instances=shares_triangles(scene),
             has_lights=bool(scene.lights),
             has_world=world,
             has_emission=emission,

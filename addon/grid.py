@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from .gpu.interface import BRICK
-from .scene import DoubleArray, SceneData
+from .scene import DoubleArray, MeshData, SceneData
 from .settings import Settings
+from .sharing import shares_triangles
 
 #: Cells of margin on each side. Not whole: walls of a box that fills the bounds should not lie between two cells.
 MARGIN = 1.37
@@ -18,6 +20,8 @@ MARGIN = 1.37
 BYTES_PER_BRICK = 16
 BYTES_PER_CELL = 16
 BYTES_PER_PAIR = 4
+#: More of it where instances share triangles: which instance it is.
+BYTES_PER_INSTANCE_PAIR = 4
 BYTES_PER_FACE = 16 + 8 + 8
 #: What comes on top when light bounces: straight light, irradiance, radiance twice, a share of the guides of its brick.
 #: Links are four bytes each.
@@ -69,24 +73,31 @@ class VoxelGrid:
         )
 
 
+def _instances_by_mesh(scene: SceneData) -> Iterator[tuple[MeshData, DoubleArray]]:
+    """Each mesh that has triangles, with (K, 4, 4) world_from_object of its instances."""
+    if not scene.instances:
+        return
+    owners = np.array([instance.mesh for instance in scene.instances])
+    matrices = np.array([instance.world_from_object for instance in scene.instances])
+    order = np.argsort(owners, kind="stable")
+    for members in np.split(order, np.flatnonzero(np.diff(owners[order])) + 1):
+        mesh = scene.meshes[owners[members[0]]]
+        if len(mesh.triangle_vertices):
+            yield mesh, matrices[members]
+
+
 def scene_bounds(scene: SceneData) -> DoubleArray | None:
     """(2, 3) world metres around all instances, or None when nothing has a triangle."""
-    corners = []
-    for instance in scene.instances:
-        mesh = scene.meshes[instance.mesh]
-        if len(mesh.triangle_vertices) == 0:
-            continue
-        corners.append(box_corners(mesh.bounds, instance.world_from_object))
-    if not corners:
+    boxes = []
+    for mesh, matrices in _instances_by_mesh(scene):
+        box = mesh.bounds
+        corners = np.array([[box[i][0], box[j][1], box[k][2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+        points = (corners @ matrices.transpose(0, 2, 1))[:, :, :3]
+        boxes.append([points.min(axis=(0, 1)), points.max(axis=(0, 1))])
+    if not boxes:
         return None
-    everything = np.concatenate(corners)
-    return np.array([everything.min(axis=0), everything.max(axis=0)])
-
-
-def box_corners(box: DoubleArray, matrix: DoubleArray) -> DoubleArray:
-    """(8, 3) where a (4, 4) matrix takes the corners of ``box`` (2, 3)."""
-    points = np.array([[box[i][0], box[j][1], box[k][2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    return (points @ matrix.T)[:, :3]
+    everything = np.array(boxes)
+    return np.array([everything[:, 0].min(axis=0), everything[:, 1].max(axis=0)])
 
 
 @dataclass(frozen=True)
@@ -96,18 +107,23 @@ class SurfaceMeasure:
     area: float  # m2
     perimeter: float = 0.0  # m, of each triangle
     triangles: int = 0
+    is_shared: bool = False  # by instances
+
+    @property
+    def bytes_per_pair(self) -> int:
+        """Of a triangle in a cell's list."""
+        return BYTES_PER_PAIR + (BYTES_PER_INSTANCE_PAIR if self.is_shared else 0)
 
 
 def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
     """Decides how many cells are occupied, and how long their lists are."""
     area, perimeter, triangles = 0.0, 0.0, 0
-    for instance in scene.instances:
-        mesh = scene.meshes[instance.mesh]
-        scale = abs(float(np.linalg.det(instance.world_from_object[:3, :3]))) ** (1.0 / 3.0)
-        area += mesh.area_and_perimeter[0] * scale**2
-        perimeter += mesh.area_and_perimeter[1] * scale
-        triangles += len(mesh.triangle_vertices)
-    return SurfaceMeasure(area, perimeter, triangles)
+    for mesh, matrices in _instances_by_mesh(scene):
+        scales = np.abs(np.linalg.det(matrices[:, :3, :3])) ** (1.0 / 3.0)
+        area += mesh.area_and_perimeter[0] * float(np.square(scales).sum())
+        perimeter += mesh.area_and_perimeter[1] * float(scales.sum())
+        triangles += len(mesh.triangle_vertices) * len(matrices)
+    return SurfaceMeasure(area, perimeter, triangles, shares_triangles(scene))
 
 
 def estimate_memory(
@@ -131,11 +147,15 @@ def estimate_memory(
     faces = FACES_PER_CELL * cells
     of_face = BYTES_PER_FACE + LIGHTING_A_FACE + 4 * link_count
     bricks = dense / BRICK**3
-    return int(bricks * BYTES_PER_BRICK + cells * BYTES_PER_CELL + pairs * BYTES_PER_PAIR + faces * of_face)
+    return int(bricks * BYTES_PER_BRICK + cells * BYTES_PER_CELL + pairs * surfaces.bytes_per_pair + faces * of_face)
 
 
 def choose_resolution(scene: SceneData, settings: Settings) -> int:
-    """Cells along the longest side: as set, or the finest whose estimated memory is inside the budget."""
+    """Cells along the longest side: as set, or the finest whose estimated memory is inside the budget.
+
+    Every triangle is in some cell's list, however coarse cells are. Where that takes more than half of the budget, the
+    other half is for the rest: coarser cells would save nothing, and rays would have more triangles to look at.
+    """
     if not settings.voxel_auto:
         return settings.voxel_resolution
     bounds = scene_bounds(scene)
@@ -145,6 +165,8 @@ def choose_resolution(scene: SceneData, settings: Settings) -> int:
     sides = (float(extent[0]), float(extent[1]), float(extent[2]))
     surfaces = measure_surfaces(scene)
     budget = settings.memory_budget * 2**20
+    listed = surfaces.triangles * surfaces.bytes_per_pair
+    budget = max(budget, listed + budget // 2)
     resolution = FINEST
     while resolution > 16 and estimate_memory(resolution, sides, surfaces, settings.bounce_rays) > budget:
         resolution -= 8 if resolution <= 128 else 16

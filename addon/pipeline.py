@@ -135,6 +135,8 @@ class Pipeline:
         self._settings = Settings()
         self._size = (0, 0)
         self._radiance_version = 0
+        #: Of the last ``prepare`` that did any: cells that were voxelized, faces that were linked to others and lit.
+        self.redone = {"cells": 0, "linked_faces": 0, "lit_faces": 0}
         self._coarsened: tuple[tuple, int] | None = None  # settings of voxels that did not fit, and what does
         self.features: Features | None = None
         self.grid: VoxelGrid | None = None
@@ -187,6 +189,7 @@ class Pipeline:
             )
         self._scene, self._settings, self._size = scene, settings, size
         self.gpu.times.clear()  # statistics are those of one picture
+        redone = dict.fromkeys(self.redone, 0)
         memo, warnings = self._memo, list(scene.warnings)
 
         uv_layers = tuple(sorted({name for mesh in scene.meshes for name in mesh.uv_layers}))
@@ -267,6 +270,7 @@ class Pipeline:
             ):
                 yield Progress(0.05 + 0.25 * share, "Voxelizing")
             memo.done("voxels", features.needs_radiance)
+            redone["cells"] = self._voxelize.made
         voxels = self._voxelize.voxels
         assert voxels is not None
 
@@ -283,7 +287,7 @@ class Pipeline:
                     self.gpu, self._voxelize.numbers_before, faces_before, edit.ray_boxes, edit.brick_boxes
                 )
             try:
-                yield from self._light_voxels(features, before, changes)
+                yield from self._light_voxels(features, before, changes, redone)
             finally:
                 if changes:
                     changes.release()
@@ -304,6 +308,8 @@ class Pipeline:
             self._cones.run(voxels, self._bounce.radiance[0])
             memo.done("cones", self._radiance_version)
 
+        if any(redone.values()):
+            self.redone = redone
         self.warnings = list(dict.fromkeys(warnings))
         self._surface.allocate(size, len(materials.batches))
         if not features.has_direct:
@@ -362,8 +368,10 @@ class Pipeline:
         )
         self._memo.done("history", *inputs)
 
-    def _light_voxels(self, features: Features, before: _Memo, changes: FaceChanges | None) -> Iterator[Progress]:
-        """``before``: what was done for the voxels that ``changes`` are since."""
+    def _light_voxels(
+        self, features: Features, before: _Memo, changes: FaceChanges | None, redone: dict[str, int]
+    ) -> Iterator[Progress]:
+        """``before``: what was done for the voxels that ``changes`` are since. Fills in ``redone``."""
         settings, memo = self._settings, self._memo
         voxels = self._voxelize.voxels
         assert voxels is not None
@@ -377,6 +385,7 @@ class Pipeline:
             ):  # fmt: skip
                 yield Progress(0.3 + 0.5 * share, "Linking voxels")
             memo.done("links", *links)
+            redone["linked_faces"] = self._links.linked
         if not features.needs_links:
             self._links.release()
             memo.forget("links")
@@ -391,6 +400,7 @@ class Pipeline:
                 kept = None if before.stale("radiance", *light) else changes
                 for share in self._inject.run(voxels, self._lights, emitters, world, settings, kept):
                     yield Progress(0.8 + 0.1 * share, "Lighting voxels")
+                redone["lit_faces"] = self._inject.lit
             else:
                 self._inject.release()
             passed = self._links if features.needs_links else None
@@ -472,7 +482,8 @@ class Pipeline:
             "mean_samples": round(self.film.mean_samples, 3),
             "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
             "occupied": voxels.cell_count if voxels else 0,
-            "faces": voxels.faces.count if voxels and voxels.lit_faces else 0,
+            "faces": self._voxelize.face_count,
+            "redone": dict(self.redone),
             "bounces": self._bounce.bounces if self.features and self.features.bounces else 0,
             "features": self.features.names if self.features else [],
             "passes": [

@@ -21,6 +21,9 @@ TILE_SIZE = 8
 LIST_WIDTH = 4096
 #: A triangle takes three texels, and a row holds whole triangles.
 TRIANGLES_PER_ROW = 1024
+TRIANGLE_BYTES = 48
+#: Where an instance stands takes four texels of such a row.
+PLACEMENTS_PER_ROW = 3 * TRIANGLES_PER_ROW // 4
 
 #: A brick is this many cells on each side; one bit a cell, two 32-bit words a brick.
 BRICK = 4
@@ -65,11 +68,12 @@ BUFFERS = (
 # Texture units. GL 4.3 promises sixteen to a stage.
 TEXTURES = (
     "TEX_TRIANGLES",  # rgba32ui 2D, three texels a triangle: corner 0, edge 1, edge 2 in grid space; w: packed integers
-    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, distance in bricks
+    # (or, where instances share them, what lib/triangle.glsl says)
+    "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, empty cubes
     "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
     "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
-    "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells
+    "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells; rg32ui: where instances share them
     "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them
     "TEX_FACE_RADIANCE",  # rg32ui 2D list (lib/packed_light.glsl): radiance leaving each voxel face
     "TEX_WORLD",  # rgba32f 2D: radiance of the world, equirectangular; w: density of directions drawn by it
@@ -105,6 +109,7 @@ TEXTURE_ALIASES = {
     "TEX_ATTRIBUTES": "TEX_CELL_OPACITIES",  # r32ui list: corner normals, UV and colour layers
     "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters
     # While voxels are made (lib/part.glsl).
+    "TEX_WORK": "TEX_FACE_RADIANCE",  # rg32ui list: work items (triangle, item number); too many for a buffer
     "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
     "TEX_PARTS": "TEX_FACE_RADIANCE",  # rgba32ui list, cell by cell: what pairs bring to faces
     "TEX_CELL_POSITIONS": "TEX_WORLD",  # r32ui list: x | y << 11 | z << 22
@@ -274,6 +279,7 @@ def prelude() -> str:
         "TILE_SIZE": TILE_SIZE,
         "LIST_WIDTH": LIST_WIDTH,
         "TRIANGLES_PER_ROW": TRIANGLES_PER_ROW,
+        "PLACEMENTS_PER_ROW": PLACEMENTS_PER_ROW,
         "BRICK": BRICK,
         "GUIDE_SIDE": GUIDE_SIDE,
         "GUIDE_LEVELS": GUIDE_SIDE.bit_length() - 1,

@@ -83,7 +83,7 @@ class Viewport:
     def __init__(self) -> None:
         self.problem: str | None = None  # why there is no picture, in one sentence
         self.draws = 0
-        self.session = Session(own_context=viewport_has_own_context())
+        self.session = Session(is_live=True, own_context=viewport_has_own_context())
         self._display: Display = UploadedDisplay() if self.session.thread.own else SharedDisplay()
         self._slices = Slices(self.session, self._display.inbox)
         self._view: Any = None
@@ -196,8 +196,16 @@ class Viewport:
 
 
 def _facts(pipeline: Any) -> str:
-    """Voxels and memory of a pipeline."""
+    """Voxels and memory of a pipeline, and how much the last change of the scene has cost."""
     memory = f"{sum(pipeline.gpu.memory.values()) / 2**20:.0f} MiB"
     if pipeline.grid is None:
         return memory
-    return " x ".join(map(str, pipeline.grid.size)) + f" voxels | {memory}"
+    counts = pipeline.statistics()
+    shares = (
+        f"{name} {counts['redone'][key] / max(counts[total], 1):.1%}"
+        for name, key, total in (
+            ("voxels", "cells", "occupied"), ("links", "linked_faces", "faces"), ("light", "lit_faces", "faces"),
+        )
+    )  # fmt: skip
+    size = " x ".join(map(str, pipeline.grid.size))
+    return f"{size} voxels | {memory} | made again: " + ", ".join(shares)

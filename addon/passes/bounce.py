@@ -60,6 +60,7 @@ class LinkPass:
         self.links: moderngl.Texture | None = None
         self.straight: moderngl.Texture | None = None
         self.count = 0
+        self.linked = 0  # faces whose links were traced, of the last run
 
     def run(
         self,
@@ -93,16 +94,13 @@ class LinkPass:
                 count = changes.found()
         finally:
             gpu.free(*before)
+        self.linked = count
         kernel = gpu.kernel(
             "link",
             voxels.site_defines | world.defines | {"HAS_EMITTERS": emitters.count > 0, "WORLD_IS_DRAWN": world_drawn},
         )
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // min(self.count, LINKS_PER_STEP))
-        steps = [
-            (first, link)
-            for first in range(0, count, step)
-            for link in range(0, self.count, LINKS_PER_STEP)
-        ]
+        steps = [(first, link) for first in range(0, count, step) for link in range(0, self.count, LINKS_PER_STEP)]
         for number, (first, link) in enumerate(steps, 1):
             with gpu.timed("link"):
                 voxels.bind(kernel)

@@ -129,9 +129,8 @@ class EmitterTable:
         gpu, batch = self.gpu, materials.batches[index]
         work = gpu.buffer("emitter work", rows)
         made = gpu.buffer("emitter work", size=len(rows) * interface.EMITTER.dtype.itemsize)
-        kernel = gpu.kernel(
-            "emitters", material_pass.defines(batch) | {"FLAT_SHADING": True}, material_pass.texts(batch)
-        )
+        defines = material_pass.defines(batch) | geometry.defines | {"FLAT_SHADING": True}
+        kernel = gpu.kernel("emitters", defines, material_pass.texts(batch))
         geometry.bind(kernel)
         material_pass.bind(batch, kernel)
         work.bind_to_storage_buffer(interface.slot("BUF_WORK"))

@@ -3,13 +3,11 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
 
 from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
 from ..scene import DoubleArray
-from .voxelize import Voxels
 
 
 class FaceChanges:
@@ -18,9 +16,9 @@ class FaceChanges:
     def __init__(
         self, gpu: GpuContext, numbers_before: np.ndarray, count_before: int, boxes: DoubleArray, reach: DoubleArray
     ) -> None:
-        """``numbers_before``: (faces,) uint32, NONE_INDEX for new ones. ``boxes``, ``reach``: (up to CHANGED_BOXES, 2, 3)
-        cells: rays that cross none of ``boxes`` meet what they met; ends of rays outside ``reach`` find the faces that they
-        found."""
+        """``numbers_before``: (faces,) uint32, NONE_INDEX for new ones. ``boxes``, ``reach``: (up to CHANGED_BOXES, 2,
+        3) cells: rays that cross none of ``boxes`` meet what they met; ends of rays outside ``reach`` find the faces
+        that they found."""
         self.gpu = gpu
         self.boxes, self.reach = boxes, reach
         count = len(numbers_before)

@@ -14,6 +14,7 @@ from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
 from ..grid import VoxelGrid
 from ..scene import InstanceData, MeshData, RayVisibility, SceneData
+from ..sharing import shares_triangles, triangle_counts
 from .materials import MaterialSet
 
 
@@ -22,13 +23,19 @@ class Geometry:
     """What later passes read. ``meshes``: what is drawn to see which triangle is where."""
 
     grid: VoxelGrid
-    triangle_count: int
+    triangle_count: int  # of all instances
     has_smooth_shading: bool  # corner normals differ from the triangles'
+    has_instances: bool  # that share the triangles of their mesh
     triangles: moderngl.Texture
     instances: moderngl.Texture
     corners: moderngl.Texture
     attributes: moderngl.Texture
     meshes: list[MeshDraw] = field(default_factory=list)
+
+    @property
+    def defines(self) -> dict[str, object]:
+        """For lib/triangle.glsl."""
+        return {"HAS_INSTANCES": self.has_instances}
 
     def bind(self, kernel: Kernel) -> None:
         """Bind what lib/geometry.glsl reads."""
@@ -114,7 +121,7 @@ def _mesh_layers(mesh: MeshData, layers: list[tuple[str, str | None]], attribute
 
 
 class GeometryPass:
-    """Uploads meshes once each, and transforms the triangles of all instances to grid space."""
+    """Uploads meshes once each, and triangles: those of all instances in grid space, or a mesh's once for all."""
 
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
@@ -149,25 +156,22 @@ class GeometryPass:
             first_triangle += count
 
         records = np.zeros(max(len(scene.instances), 1), interface.INSTANCE.dtype)
-        slots: list[int] = []
+        slots = np.zeros(0, np.uint32)
         total = 0
         if scene.instances:
             owners = np.array([instance.mesh for instance in scene.instances])
-            counts = np.array([len(mesh.triangle_vertices) for mesh in scene.meshes], np.int64)[owners]
+            counts = triangle_counts(scene)
             total = int(counts.sum())
-            lengths = np.array([len(instance.materials) for instance in scene.instances])
+            records["first_slot"], slots = _slots(scene.instances)
             _fill_placement(records, scene.instances, grid)
             _fill_generated(records, scene.meshes, owners)
             records["first_triangle"] = (np.cumsum(counts) - counts) & 0xFFFFFFFF  # too many are refused below
             records["triangle_count"] = counts
-            records["first_slot"] = np.cumsum(lengths) - lengths
             for name, firsts in (
                 ("first_mesh_triangle", mesh_triangle), ("first_normal", mesh_normals), ("first_layer", mesh_layers),
             ):  # fmt: skip
                 of_mesh = [firsts.get(index, 0) for index in range(len(scene.meshes))]
                 records[name] = np.array(of_mesh, np.uint32)[owners]
-            for instance in scene.instances:
-                slots += _slots(instance)
 
         words = attributes.array()
         texels = records.view(np.uint32).reshape(-1, 4)
@@ -177,15 +181,17 @@ class GeometryPass:
             gpu.list_texture("corners", len(corner_rows), 4, "u4", corner_rows),
             gpu.list_texture("attributes", len(words), 1, "u4", words),
         ]
-        rows = max(1, -(-total // interface.TRIANGLES_PER_ROW))
-        if rows > 16384:
-            raise MemoryError(f"the scene has {total} triangles; at most {16384 * interface.TRIANGLES_PER_ROW} fit")
-        triangles = gpu.texture("triangles", (3 * interface.TRIANGLES_PER_ROW, rows), 4, "u4")
+        has_instances = shares_triangles(scene)
+        if has_instances:
+            triangles = self._shared([scene.meshes[index] for index in used], records, slots)
+        else:
+            triangles = self._triangles(total)
         self._owned.append(triangles)
         is_any_smooth = any(is_smooth(scene.meshes[index]) for index in used)
-        geometry = Geometry(grid, total, is_any_smooth, triangles, *self._owned[:3])
+        geometry = Geometry(grid, total, is_any_smooth, has_instances, triangles, *self._owned[:3])
         if total:
-            self._transform(geometry, records, vertices, positions, slots)
+            if not has_instances:
+                self._transform(geometry, records, vertices, positions, slots)
             geometry.meshes = self._draws(scene, records, used)
         self.geometry = geometry
         return geometry
@@ -196,7 +202,7 @@ class GeometryPass:
         Returns False where more than that is to be done, and does nothing.
         """
         geometry, gpu = self.geometry, self.gpu
-        if geometry is None or not geometry.triangle_count:
+        if geometry is None or geometry.has_instances or not geometry.triangle_count:
             return False
         seen = {index for draw in geometry.meshes for index in draw.members}
         counts = [len(scene.meshes[scene.instances[index].mesh].triangle_vertices) for index in changed]
@@ -216,12 +222,50 @@ class GeometryPass:
             mesh = scene.meshes[instance.mesh]
             self._transform(
                 geometry, record.reshape(1), [mesh.triangle_vertices.astype(np.uint32)],
-                [mesh.positions.astype(np.float32)], _slots(instance), instance=index,
+                [mesh.positions.astype(np.float32)], _slots([instance])[1], instance=index,
             )  # fmt: skip
         for draw in geometry.meshes:
             if not set(draw.members).isdisjoint(changed):
                 draw.instances.write(_draw_data(records[draw.members]))
         return True
+
+    def _triangles(self, count: int) -> moderngl.Texture:
+        """Room for so many triangles. Raises MemoryError."""
+        rows = max(1, -(-count // interface.TRIANGLES_PER_ROW))
+        if rows > 16384:
+            raise MemoryError(f"the scene has {count} triangles; at most {16384 * interface.TRIANGLES_PER_ROW} fit")
+        return self.gpu.texture("triangles", (3 * interface.TRIANGLES_PER_ROW, rows), 4, "u4")
+
+    def _shared(self, meshes: list[MeshData], records: np.ndarray, slots: np.ndarray) -> moderngl.Texture:
+        """What lib/triangle.glsl reads where instances share triangles. ``meshes``: in the order of their triangles."""
+        if int(records["triangle_count"].sum(dtype=np.int64)) >= 1 << 31:
+            raise MemoryError("instances of the scene have more than 2147483647 triangles together: show fewer of them")
+        starts = np.cumsum([4 * len(records), 3 * sum(len(mesh.triangle_vertices) for mesh in meshes)])
+        first_triangle = -(-int(starts[0]) // 3)
+        first_word = 4 * int(starts[1] + 2)
+        texture = self._triangles(-(-(first_word + len(slots)) // 12))
+        texels = np.zeros((texture.width * texture.height, 4), np.uint32)
+
+        placements = texels[: 4 * len(records)].reshape(-1, 4, 4)
+        for row, name in enumerate("xyz"):
+            placements[:, row] = records[f"grid_from_object_{name}"].view(np.uint32)
+        placements[:, 3, 0] = records["first_triangle"]
+        placements[:, 3, 1] = records["first_mesh_triangle"] + np.uint32(first_triangle)
+        placements[:, 3, 2] = records["first_slot"] + np.uint32(first_word)
+        placements[:, 3, 3] = len(records)
+
+        first = 0
+        triangles = texels[3 * first_triangle :]
+        for mesh in meshes:
+            count = len(mesh.triangle_vertices)
+            part = triangles[3 * first : 3 * (first + count)].reshape(-1, 3, 4)
+            part[:, :, :3] = mesh.positions.astype(np.float32)[mesh.triangle_vertices].view(np.uint32)
+            part[:, 0, 3] = mesh.triangle_slots
+            part[:, 1, 3] = np.arange(first, first + count)
+            first += count
+        texels.reshape(-1)[first_word : first_word + len(slots)] = slots
+        texture.write(texels.reshape(-1).view(np.uint8).data, alignment=1)
+        return texture
 
     def _transform(
         self,
@@ -229,7 +273,7 @@ class GeometryPass:
         records: np.ndarray,
         vertices: list[np.ndarray],
         positions: list[np.ndarray],
-        slots: list[int],
+        slots: np.ndarray,
         *,
         instance: int = 0,
     ) -> None:
@@ -243,7 +287,7 @@ class GeometryPass:
         temporary = [
             gpu.buffer("transform input", np.concatenate(vertices)),
             gpu.buffer("transform input", np.concatenate(positions)),
-            gpu.buffer("transform input", np.array(slots, np.uint32)),
+            gpu.buffer("transform input", slots),
             gpu.buffer("transform input", records),
         ]
         kernel = gpu.kernel("transform").set(triangle_count=count, instance_count=len(records))
@@ -294,12 +338,6 @@ def _seen_by_camera(instance: InstanceData) -> bool:
     return bool(instance.visibility & RayVisibility.CAMERA)
 
 
-def _slots(instance: InstanceData) -> list[int]:
-    """Material and flags of each of its slots."""
-    flags = int(instance.visibility) | (interface.TRIANGLE_HOLDOUT if instance.is_holdout else 0)
-    return [material | flags << 24 for material in instance.materials]
-
-
 def _draw_data(records: np.ndarray) -> np.ndarray:
     """What instances are drawn by."""
     data = np.zeros(len(records), [("x", "<f4", 4), ("y", "<f4", 4), ("z", "<f4", 4), ("first", "<u4")])
@@ -316,6 +354,24 @@ def _fill_placement(records: np.ndarray, instances: Sequence[InstanceData], grid
     records["random"] = [instance.random for instance in instances]
     records["object_index"] = [instance.object_index for instance in instances]
     records["mirrored"] = np.linalg.det(worlds[:, :3, :3]) < 0
+
+
+def _slots(instances: Sequence[InstanceData]) -> tuple[np.ndarray, np.ndarray]:
+    """(I,) where each instance's material slots start, and (S,) uint32, all slots: material | flags << 24.
+
+    Instances that look alike have them in common.
+    """
+    firsts: dict[tuple[tuple[int, ...], int], int] = {}
+    starts: list[int] = []
+    slots: list[int] = []
+    for instance in instances:
+        flags = int(instance.visibility) | (interface.TRIANGLE_HOLDOUT if instance.is_holdout else 0)
+        key = instance.materials, flags
+        if key not in firsts:
+            firsts[key] = len(slots)
+            slots += [material | flags << 24 for material in instance.materials]
+        starts.append(firsts[key])
+    return np.array(starts, np.int64), np.array(slots, np.uint32)
 
 
 def _fill_matrices(records: np.ndarray, grid_from_object: np.ndarray) -> None:

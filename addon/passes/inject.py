@@ -115,6 +115,7 @@ class InjectPass:
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.irradiance: moderngl.Texture | None = None
+        self.lit = 0  # faces that light was traced to, of the last run
 
     def run(
         self,
@@ -159,6 +160,7 @@ class InjectPass:
                 finally:
                     self.gpu.free(reach)
                 count = changes.found()
+            self.lit = count
             kernel = self.gpu.kernel("inject", defines | {"FINDS_CHANGED": False})
             yield from self._steps(kernel, voxels, irradiance, count, sources, (changes, None, None))
         finally:

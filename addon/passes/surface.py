@@ -215,6 +215,7 @@ class SurfacePass:
                 "surface",
                 material_pass.defines(batch)
                 | pictures.ray_defines
+                | surfaces.geometry.defines
                 | {
                     "HAS_OPACITY": family.has_transparency,
                     "HAS_GLASS": family.has_transmission,
@@ -250,7 +251,7 @@ class SurfacePass:
         assert self._bins is not None and self._pixels is not None and self._counters is not None
         self._counters.clear()
         for step in (0, 1, 2):
-            kernel = gpu.kernel("pixel_bins", {"STEP": step})
+            kernel = gpu.kernel("pixel_bins", surfaces.geometry.defines | {"STEP": step})
             kernel.set(picture_size=pictures.size, batch_count=len(materials.batches), pending_only=pending)
             surfaces.geometry.triangles.use(slot("TEX_TRIANGLES"))
             materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
@@ -277,7 +278,7 @@ class SurfacePass:
         """Find what lies behind the surfaces that this pass looks through; whether there is anything."""
         gpu, slot = self.gpu, interface.slot
         assert self._counters is not None
-        kernel = gpu.kernel("advance", pictures.ray_defines | {"HAS_OPACITY": False})
+        kernel = gpu.kernel("advance", pictures.ray_defines | voxels.trace_defines | {"HAS_OPACITY": False})
         self._counters.clear()
         voxels.bind(kernel)
         rays = RayVisibility.CAMERA if pictures.rays is None else RayVisibility.GLOSSY

@@ -48,8 +48,8 @@ class TakenOver:
         assert self.texture is not None
         self.texture.use(interface.slot("TEX_CHANGED_BRICKS"))
 
-    def distances(self, occupied: np.ndarray, counts: np.ndarray) -> np.ndarray | None:
-        """(B,) uint32: distances of bricks, if they are what they were; notes which cells stay.
+    def leaps(self, occupied: np.ndarray, counts: np.ndarray) -> np.ndarray | None:
+        """(B,) uint32: last words of the bricks, if they are what they were; notes which cells stay.
 
         ``occupied``: (B,) bool, ``counts``: (B,) cells of bricks.
         """

@@ -7,6 +7,9 @@ import numpy as np
 
 from ..gpu import interface
 
+#: Longest leap over empty bricks that a brick's record can hold: four bits.
+MAX_LEAP = 15
+
 _POPCOUNT = np.array([bin(value).count("1") for value in range(1 << 16)], np.uint8)
 
 
@@ -16,23 +19,29 @@ def popcount(words: np.ndarray) -> np.ndarray:
     return _POPCOUNT[halves].sum(axis=-1, dtype=np.int64)
 
 
-def brick_distances(occupied: np.ndarray) -> np.ndarray:
-    """Chebyshev distance of each brick to the nearest occupied one, (z, y, x) bool -> uint8 (255: farther or none)."""
-    distance = np.where(occupied, 0, 255).astype(np.uint8)
-    reached = occupied.copy()
-    for step in range(1, 255):
-        if reached.all() or not reached.any():
-            break
+def empty_octants(occupied: np.ndarray) -> np.ndarray:
+    """How far the space is empty that begins with a brick, in each direction that goes up or down along all axes: the
+    side, in bricks, of the largest cube without an occupied one (what lies outside the grid is empty), at most 15.
+
+    ``occupied``: (z, y, x) bool. Returns uint32 of the same shape, four bits for each octant: the lowest for that which
+    goes up along x, y and z; bit 0 of an octant's number stands for down along x, bit 1 along y, bit 2 along z.
+    """
+    found = np.zeros((8, *occupied.shape), np.uint8)
+    empty = np.pad(~occupied, MAX_LEAP, constant_values=True).view(np.uint8)  # whether the cube that begins there is
+    for side in range(1, MAX_LEAP + 1):
+        for octant in range(8):
+            first = [MAX_LEAP - (side - 1) * (octant >> axis & 1) for axis in (2, 1, 0)]
+            found[octant] += empty[tuple(slice(at, at + size) for at, size in zip(first, occupied.shape, strict=True))]
         for axis in range(3):
-            grown = reached.copy()
-            before = [slice(None)] * 3
-            after = [slice(None)] * 3
-            before[axis], after[axis] = slice(None, -1), slice(1, None)
-            grown[tuple(after)] |= reached[tuple(before)]
-            grown[tuple(before)] |= reached[tuple(after)]
-            reached = grown
-        distance[reached & (distance == 255)] = step
-    return distance
+            ends = [slice(None)] * 3
+            ends[axis] = slice(None, -1)
+            starts = [slice(None)] * 3
+            starts[axis] = slice(1, None)
+            empty = empty[tuple(ends)] & empty[tuple(starts)]
+    words = np.zeros(occupied.shape, np.uint32)
+    for octant in range(8):
+        words |= found[octant].astype(np.uint32) << np.uint32(4 * octant)
+    return words
 
 
 def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:

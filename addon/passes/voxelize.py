@@ -26,7 +26,7 @@ from ..scene import RayVisibility
 from .geometry import Geometry
 from .materials import Batch, MaterialPass, MaterialSet
 from .taken_over import TakenOver
-from .voxel_numbers import brick_distances, cell_axes, cell_positions, cell_records, number_faces, popcount
+from .voxel_numbers import cell_axes, cell_positions, cell_records, empty_octants, number_faces, popcount
 
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
 ITEMS_PER_STEP = 1 << 17
@@ -82,7 +82,7 @@ class Voxels:
 
     @property
     def trace_defines(self) -> dict[str, object]:
-        return {"HAS_OPACITY": self.cell_opacities is not None}
+        return {"HAS_OPACITY": self.cell_opacities is not None, "HAS_INSTANCES": self.cell_triangles.components == 2}
 
     @property
     def site_defines(self) -> dict[str, object]:
@@ -108,7 +108,7 @@ class Lists:
     records: np.ndarray  # (cells, 4) uint32
     cells: moderngl.Texture  # rgba32ui: records
     cursors: moderngl.Buffer  # next list entry of each cell; in the end, last words of their records
-    triangles: moderngl.Texture  # r32ui
+    triangles: moderngl.Texture  # r32ui, or rg32ui: lib/triangle.glsl
     opacities: moderngl.Texture | None  # r8
     parts: moderngl.Texture | None  # rgba32ui: what triangles bring to faces (lib/part.glsl)
 
@@ -121,6 +121,7 @@ class VoxelizePass:
         self.voxels: Voxels | None = None
         #: Where a part was made again: (faces,) uint32, the number that each face had before; NONE_INDEX: it is new.
         self.numbers_before: np.ndarray | None = None
+        self.made = 0  # cells that were made, of the last run
         self._owned: list[Any] = []
         self._temporary: list[Any] = []
 
@@ -210,7 +211,7 @@ class VoxelizePass:
             counts = np.frombuffer(cursors.read(), np.uint32)[: len(positions)]
             if taken:
                 counts = taken.completed(counts, taken.records[:, 1])
-            lists = self._allocate_lists(materials, counts, cursors, has_faces)
+            lists = self._allocate_lists(geometry, materials, counts, cursors, has_faces)
             if taken:
                 taken.copy_lists(gpu, lists)
         yield 0.5
@@ -252,6 +253,7 @@ class VoxelizePass:
             cell_count=len(counts),
             pair_count=int(counts.sum()),
         )
+        self.made = len(counts) if taken is None else int((~taken.stays).sum())
         yield 1.0
 
     def _taken_over(self, changed: np.ndarray | None) -> TakenOver | None:
@@ -265,7 +267,7 @@ class VoxelizePass:
 
     def _work(
         self, geometry: Geometry, materials: MaterialSet, taken: TakenOver | None
-    ) -> tuple[list[int], int, moderngl.Buffer]:
+    ) -> tuple[list[int], int, moderngl.Texture]:
         """Where each batch's work items start (and the last ones end), about how many pairs there are, the items."""
         gpu, slot = self.gpu, interface.slot
         batches = len(materials.batches)
@@ -273,7 +275,7 @@ class VoxelizePass:
         self._temporary.append(counters)
 
         def run(count: bool) -> None:
-            kernel = gpu.kernel("work", {"COUNT": count, "IS_PART": taken is not None})
+            kernel = gpu.kernel("work", geometry.defines | {"COUNT": count, "IS_PART": taken is not None})
             kernel.set(
                 grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=int(RayVisibility.ALL),
                 batch_count=batches,
@@ -291,9 +293,9 @@ class VoxelizePass:
         counts = np.frombuffer(counters.read(), np.uint32)[: batches + 1].tolist()
         starts = [0, *accumulate(counts[:batches])]
         counters.write(np.array(starts, np.uint32))
-        work = gpu.buffer("voxel work", size=8 * starts[-1])
+        work = gpu.list_texture("voxel work", starts[-1], 2, "u4")
         self._temporary.append(work)
-        work.bind_to_storage_buffer(slot("BUF_WORK"))
+        work.bind_to_image(slot("IMG_0"), read=False, write=True)
         run(count=False)
         return starts, counts[-1], work
 
@@ -301,7 +303,7 @@ class VoxelizePass:
         self,
         geometry: Geometry,
         item_starts: list[int],
-        work: moderngl.Buffer,
+        work: moderngl.Texture,
         mask: moderngl.Texture3D,
         taken: TakenOver | None,
         capacity: int,
@@ -320,13 +322,13 @@ class VoxelizePass:
             for first in range(item_starts[batch], item_starts[batch + 1], ITEMS_PER_STEP):
                 count = min(ITEMS_PER_STEP, item_starts[batch + 1] - first)
                 with gpu.timed("voxelize"):
-                    kernel = gpu.kernel("voxel_pairs", {"IS_PART": taken is not None})
+                    kernel = gpu.kernel("voxel_pairs", geometry.defines | {"IS_PART": taken is not None})
                     kernel.set(grid_size=geometry.grid.size, work_first=first, work_count=count)
                     kernel.set(batch=batch, pair_capacity=capacity)
                     if taken:
                         taken.bind()
                     geometry.triangles.use(slot("TEX_TRIANGLES"))
-                    work.bind_to_storage_buffer(slot("BUF_WORK"))
+                    work.use(slot("TEX_WORK"))
                     counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
                     mask.bind_to_image(slot("IMG_0"), read=True, write=True)
                     pairs.bind_to_image(slot("IMG_1"), read=False, write=True)
@@ -346,14 +348,19 @@ class VoxelizePass:
         texels = np.empty((len(masks), 4), np.uint32)
         texels[:, :2] = masks.view(np.uint32).reshape(-1, 2)
         texels[:, 2] = np.cumsum(counts) - counts
-        distances = taken.distances(masks != 0, counts) if taken else None
-        texels[:, 3] = brick_distances((masks != 0).reshape(shape)).ravel() if distances is None else distances
+        leaps = taken.leaps(masks != 0, counts) if taken else None
+        texels[:, 3] = empty_octants((masks != 0).reshape(shape)).ravel() if leaps is None else leaps
         bricks = self.gpu.texture_3d("bricks", grid.bricks, 4, "u4", texels)
         self._owned.append(bricks)
         return bricks, cell_positions(masks, grid.bricks)
 
     def _allocate_lists(
-        self, materials: MaterialSet, counts: np.ndarray, cursors: moderngl.Buffer, has_faces: bool
+        self,
+        geometry: Geometry,
+        materials: MaterialSet,
+        counts: np.ndarray,
+        cursors: moderngl.Buffer,
+        has_faces: bool,
     ) -> Lists:
         gpu = self.gpu
         records = cell_records(counts)
@@ -364,7 +371,7 @@ class VoxelizePass:
             records,
             gpu.list_texture("cells", len(records), 4, "u4", records),
             cursors,
-            gpu.list_texture("cell triangles", pairs, 1, "u4"),
+            gpu.list_texture("cell triangles", pairs, 2 if geometry.has_instances else 1, "u4"),
             gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.lets_light_through else None,
             gpu.list_texture("voxel parts", pairs, 4, "u4") if has_faces else None,
         )
@@ -378,8 +385,9 @@ class VoxelizePass:
     ) -> Kernel:
         """The program of a batch, with its materials bound; ``batch`` None: of all pairs, where none is asked."""
         if batch is None:
-            return self.gpu.kernel("voxel_list")
-        defines = {
+            geometry.bind_triangles()
+            return self.gpu.kernel("voxel_list", geometry.defines)
+        defines = geometry.defines | {
             "HAS_FACES": lists.parts is not None,
             "HAS_OPACITY": lists.opacities is not None,
             "FLAT_SHADING": True,
@@ -405,7 +413,7 @@ class VoxelizePass:
         gpu, slot = self.gpu, interface.slot
         count = len(lists.records)
         assert lists.parts is not None
-        kernel = gpu.kernel("voxel_cut", {"IS_PART": taken is not None})
+        kernel = gpu.kernel("voxel_cut", geometry.defines | {"IS_PART": taken is not None})
         work_count = count
         if taken:
             cells = np.flatnonzero(~taken.stays).astype(np.uint32)
@@ -457,7 +465,7 @@ class VoxelizePass:
             items, _ = cell_axes(np.where(taken.stays, np.uint32(0), facings))
             listed = gpu.buffer("voxel work", items)
             self._temporary.append(listed)
-        kernel = gpu.kernel("voxel_resolve", {"HAS_SHADING_NORMALS": geometry.has_smooth_shading})
+        kernel = gpu.kernel("voxel_resolve", geometry.defines | {"HAS_SHADING_NORMALS": geometry.has_smooth_shading})
         block = min(interface.BRICK, max(1, max(geometry.grid.size) // LINE_BLOCKS))
         kernel.set(work_count=len(items), line_block=block)
         geometry.bind_triangles()

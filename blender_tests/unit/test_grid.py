@@ -100,3 +100,34 @@ def test_many_triangles_take_memory_at_any_resolution() -> None:
     """A cell's list of triangles grows with their number where they are smaller than cells."""
     extent, few, many = (2.0, 2.0, 2.0), SurfaceMeasure(24.0), SurfaceMeasure(24.0, 4000.0, 1_000_000)
     assert estimate_memory(16, extent, many, 8) > estimate_memory(16, extent, few, 8) + 4_000_000
+
+
+def test_what_no_resolution_saves_makes_cells_no_coarser_than_half_of_the_budget_does() -> None:
+    """A crowd of 20 million triangles, whose lists alone exceed the budget, at any resolution."""
+    shape, surface = scenes.sphere(0.1, 72), scenes.diffuse()
+    crowd = scenes.scene(*((shape, surface, scenes.at(k % 32, k // 32)) for k in range(1024)))
+    surfaces = measure_surfaces(crowd)
+    listed = surfaces.triangles * surfaces.bytes_per_pair
+    assert surfaces.is_shared and surfaces.bytes_per_pair == 8 and listed > 100 * 2**20
+    chosen = choose_resolution(crowd, Settings(memory_budget=64))
+    assert 16 < chosen < FINEST
+    assert estimate_memory(chosen, (31.2, 31.2, 0.2), surfaces, Settings().bounce_rays) <= listed + 32 * 2**20
+
+
+def test_measure_of_many_instances_is_the_sum_of_each() -> None:
+    """Instances of several meshes in mixed order, one without triangles among them."""
+    surface = scenes.diffuse()
+    meshes = [scenes.box(), scenes.sphere(0.7, 4), scenes.mesh(np.zeros((0, 3)), np.zeros((0, 3)))]
+    rng = np.random.default_rng(4)
+    objects = [
+        (meshes[k % 3], surface, scenes.at(*rng.normal(size=3), rng.uniform(0.5, 2.0, 3))) for k in (0, 1, 4, 2, 3, 1)
+    ]
+    together = measure_surfaces(scenes.scene(*objects))
+    alone = [measure_surfaces(scenes.scene(one)) for one in objects]
+    assert together.area == pytest.approx(sum(one.area for one in alone))
+    assert together.perimeter == pytest.approx(sum(one.perimeter for one in alone))
+    assert together.triangles == sum(one.triangles for one in alone)
+    boxes = [scene_bounds(scenes.scene(one)) for one in objects]
+    lows, highs = zip(*(box for box in boxes if box is not None), strict=True)
+    bounds = [np.min(lows, axis=0), np.max(highs, axis=0)]
+    np.testing.assert_allclose(scene_bounds(scenes.scene(*objects)), bounds)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How occupied cells are numbered, and how far bricks are from them."""
+"""How occupied cells are numbered, and how far it is empty around them."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import pytest
 
 from addon.gpu.interface import BRICK
 from addon.passes.voxel_numbers import (
-    brick_distances,
     cell_axes,
     cell_positions,
     cell_records,
+    empty_octants,
     guide_entries,
     number_faces,
     popcount,
@@ -57,18 +57,29 @@ def test_the_last_cell_of_the_largest_grid_fits() -> None:
     assert (packed & 2047, packed >> 11 & 2047, packed >> 22) == (1023, 1023, 1023)
 
 
-def test_brick_distances() -> None:
-    """Against the distance to every occupied brick, and where there is none."""
-    rng = np.random.default_rng(4)
-    occupied = rng.random((5, 7, 9)) < 0.02
+def test_empty_octants() -> None:
+    """Against cubes that grow until they hold an occupied brick; what lies outside the grid is empty."""
+    occupied = np.random.default_rng(4).random((5, 7, 9)) < 0.02
     occupied[2, 3, 4] = True
-    every, at = np.argwhere(np.ones_like(occupied)), np.argwhere(occupied)
-    expected = np.abs(every[:, None] - at[None]).max(axis=2).min(axis=1).reshape(occupied.shape)
-    np.testing.assert_array_equal(brick_distances(occupied), expected)
-    assert (brick_distances(np.zeros((2, 2, 2), bool)) == 255).all()
-    far = np.zeros((1, 1, 300), bool)
+    found = empty_octants(occupied)
+    for place in np.ndindex(occupied.shape):
+        for octant in range(8):
+            downwards = [octant >> axis & 1 for axis in (2, 1, 0)]
+            side = 0
+            while side < 15:
+                ends = [(c - side * down, c + 1 + side * (1 - down)) for c, down in zip(place, downwards, strict=True)]
+                if occupied[tuple(slice(max(low, 0), high) for low, high in ends)].any():
+                    break
+                side += 1
+            assert found[place] >> 4 * octant & 15 == side
+
+
+def test_empty_octants_reach_as_far_as_four_bits_hold() -> None:
+    far = np.zeros((1, 1, 40), bool)
     far[0, 0, 0] = True
-    np.testing.assert_array_equal(brick_distances(far)[0, 0], np.minimum(np.arange(300), 255))
+    found = empty_octants(far)[0, 0]
+    np.testing.assert_array_equal(found >> 4 & 15, np.minimum(np.arange(40), 15))
+    np.testing.assert_array_equal(found & 15, np.where(np.arange(40) == 0, 0, 15))
 
 
 def test_cells_get_their_share_of_lists_and_faces() -> None:

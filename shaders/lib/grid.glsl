@@ -8,7 +8,9 @@
 
 uniform ivec3 grid_size;  // cells, a multiple of BRICK on each axis
 
-// Of each brick: two words with a bit for each cell, index of its first occupied cell, bricks to the nearest other.
+// Of each brick: two words with a bit for each cell, index of its first occupied cell, and how far it is empty from there
+// on: the side (bricks) of an empty cube that begins with it, four bits for each octant it may extend into, which bits of
+// the octant's number stand for: 1 down along x, 2 down along y, 4 down along z.
 layout(binding = TEX_BRICKS) uniform usampler3D bricks_tex;
 
 uint brick_bit(ivec3 cell)

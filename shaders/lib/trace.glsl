@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Rays through the voxel grid, exact against the triangles that its cells list. Empty space is crossed in leaps: an
-// empty brick knows how many bricks around it are empty too.
+// empty brick knows how many bricks are empty too in the octant of directions that the ray's is in.
 //
 // The including shader may define
 //     HAS_OPACITY  1: triangles carry an opacity for each cell, and let that share of the rays pass
@@ -9,7 +9,7 @@
 #include "lib/triangle.glsl"
 
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
-layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
+layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;  // entries: lib/triangle.glsl
 #if HAS_OPACITY
 layout(binding = TEX_CELL_OPACITIES) uniform sampler2D cell_opacities_tex;
 #endif
@@ -33,23 +33,28 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
     Hit hit;
     hit.distance = limit;
     hit.triangle = NONE_INDEX;
+    uvec2 nearest = uvec2(NONE_INDEX, 0u);  // entry of the cell's list
     hit.cell = ivec3(0);
     hit.normal = vec3(0.0);
 
     // Zero components become tiny ones: 1/0 would give NaN where the origin lies on a plane between cells.
     vec3 d = mix(direction, vec3(1e-12), lessThan(abs(direction), vec3(1e-12)));
+    // Steps are taken in a grid that is mirrored so that they go up along every axis.
+    bvec3 turned = lessThan(d, vec3(0.0));
+    ivec3 mirror = -ivec3(turned);
+    ivec3 shift = mirror & grid_size;
+    vec3 start = mix(origin, vec3(grid_size) - origin, turned);
+    d = abs(d);
     vec3 inverse = 1.0 / d;
-    vec3 to_lo = (vec3(0.0) - origin) * inverse;
-    vec3 to_hi = (vec3(grid_size) - origin) * inverse;
-    vec3 enter = min(to_lo, to_hi);
-    vec3 leave = max(to_lo, to_hi);
+    vec3 enter = -start * inverse;
+    vec3 leave = (vec3(grid_size) - start) * inverse;
     float t = max(0.0, max(enter.x, max(enter.y, enter.z)));
     float t_end = min(limit, min(leave.x, min(leave.y, leave.z)));
     if (!(t <= t_end)) {
         return hit;
     }
-    bvec3 forward = greaterThan(d, vec3(0.0));
-    ivec3 cell = clamp(ivec3(floor(origin + d * t)), ivec3(0), grid_size - 1);
+    ivec3 cell = clamp(ivec3(floor(start + d * t)), ivec3(0), grid_size - 1);
+    int octant = 4 * (int(turned.x) + 2 * int(turned.y) + 4 * int(turned.z));  // first bit of its empty cubes
 
     // Two loops that take turns: step until every ray of the group stands in an occupied cell, then test triangles.
     // Software rasterizers run both sides of an `if` but leave out a loop that no ray enters.
@@ -61,26 +66,23 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         uint bit = 0u;
         float t_exit = t;
         while (inside && !occupied) {
-            ivec3 at_brick = cell / BRICK;
-            brick = texelFetch(bricks_tex, at_brick, 0);
-            int empty = int(brick.w);
-            bit = brick_bit(cell);
+            ivec3 at = (cell ^ mirror) + shift;
+            brick = texelFetch(bricks_tex, at / BRICK, 0);
+            bit = brick_bit(at);
             uint word = bit < 32u ? brick.x : brick.y;
             occupied = (word >> (bit & 31u) & 1u) != 0u;
             // Bits of the block of 2x2x2 cells around this one.
-            uint block = 0x00330033u << ((cell.x & 2) + ((cell.y & 2) << 2));
-            bool free = (word & block) == 0u;
-            ivec3 lo = empty > 0 ? (at_brick - empty + 1) * BRICK : (free ? cell & ~1 : cell);
-            ivec3 hi = empty > 0 ? (at_brick + empty) * BRICK : lo + (free ? 2 : 1);
-            vec3 planes = mix(vec3(lo), vec3(hi), forward);
-            vec3 at_plane = (planes - origin) * inverse;
+            uint block = 0x00330033u << ((at.x & 2) + ((at.y & 2) << 2));
+            int side = (word & block) == 0u ? 2 : 1;
+            int empty = BRICK * int(brick.w >> octant & 15u);
+            ivec3 end = empty > 0 ? (cell & -BRICK) + empty : (cell & -side) + side;
+            vec3 at_plane = (vec3(end) - start) * inverse;
             t_exit = min(at_plane.x, min(at_plane.y, at_plane.z));
-            bvec3 leaves = equal(at_plane, vec3(t_exit));
-            cell = clamp(ivec3(floor(origin + d * t_exit)), max(lo, ivec3(0)), min(hi, grid_size) - 1);
-            cell.x = leaves.x ? (forward.x ? hi.x : lo.x - 1) : cell.x;
-            cell.y = leaves.y ? (forward.y ? hi.y : lo.y - 1) : cell.y;
-            cell.z = leaves.z ? (forward.z ? hi.z : lo.z - 1) : cell.z;
-            inside = t_exit < t_end && inside_grid(cell) && --budget > 0;
+            ivec3 next = clamp(ivec3(start + d * t_exit), cell, end - 1);
+            cell.x = at_plane.x == t_exit ? end.x : next.x;
+            cell.y = at_plane.y == t_exit ? end.y : next.y;
+            cell.z = at_plane.z == t_exit ? end.z : next.z;
+            inside = t_exit < t_end && all(lessThan(cell, grid_size)) && --budget > 0;
         }
         uvec4 record = uvec4(0u);
         if (occupied) {
@@ -88,43 +90,44 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         }
         uint next = record.x, end = record.x + record.y;
         while (next < end) {
-            uint index = texelFetch(cell_triangles_tex, list_texel(next), 0).r;
-            ivec2 at = triangle_texel(index);
-            uvec4 c0 = texelFetch(triangles_tex, at, 0);
-            vec3 e1 = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(1, 0), 0).xyz);
-            vec3 e2 = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(2, 0), 0).xyz);
+            uvec2 entry = texelFetch(cell_triangles_tex, list_texel(next), 0).rg;
+            uvec3 words;
+            vec3 corner, e1, e2;
+            fetch_corners(entry, words, corner, e1, e2);
             vec3 p = cross(direction, e2);
             float determinant = dot(e1, p);
             float f = 1.0 / determinant;
-            vec3 s = origin - uintBitsToFloat(c0.xyz);
+            vec3 s = origin - corner;
             float u = dot(s, p) * f;
             vec3 q = cross(s, e1);
             float v = dot(direction, q) * f;
             float w = dot(e2, q) * f;
             bool met = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && w > 0.0 && determinant != 0.0 &&
-                       (c0.w >> 24 & ray_mask) != 0u;
-            // Equal distances go to the lower index: the order of a cell's list must not show.
-            met = met && (w < hit.distance || (w == hit.distance && index < hit.triangle));
+                       (entry_flags(entry, words) & ray_mask) != 0u;
+            // Equal distances go to the lower number: the order of a cell's list must not show.
+            met = met && (w < hit.distance || (w == hit.distance && comes_before(entry, nearest)));
 #if HAS_OPACITY
             if (met && w >= solid_distance) {
                 float opacity = texelFetch(cell_opacities_tex, list_texel(next), 0).r;
                 // One decision for a triangle and a ray, whichever cell asks.
-                met = opacity >= 1.0 || unit_float(hash(seed, index)) < opacity;
+                met = opacity >= 1.0 || unit_float(hash(seed, triangle_number(entry))) < opacity;
             }
 #endif
             ++next;
             if (met) {
                 hit.distance = w;
-                hit.triangle = index;
+                nearest = entry;
                 next = any_hit ? end : next;
             }
         }
-        inside = inside && hit.distance > t_exit && !(any_hit && hit.triangle != NONE_INDEX);
+        inside = inside && hit.distance > t_exit && !(any_hit && nearest.x != NONE_INDEX);
     }
-    if (hit.triangle != NONE_INDEX) {
-        ivec2 at = triangle_texel(hit.triangle);
-        vec3 n = normalize(cross(uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(1, 0), 0).xyz),
-                                 uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(2, 0), 0).xyz)));
+    if (nearest.x != NONE_INDEX) {
+        hit.triangle = triangle_number(nearest);
+        uvec3 words;
+        vec3 corner, e1, e2;
+        fetch_corners(nearest, words, corner, e1, e2);
+        vec3 n = normalize(cross(e1, e2));
         hit.normal = dot(n, direction) > 0.0 ? -n : n;
         hit.cell = clamp(ivec3(floor(origin + direction * hit.distance)), ivec3(0), grid_size - 1);
     }

@@ -50,7 +50,7 @@ void main()
         return;
     }
     uint triangle = (seen & ~PENDING) - 1u;
-    uint material = texelFetch(triangles_tex, triangle_texel(triangle), 0).w & 0xFFFFFFu;
+    uint material = fetch_triangle(triangle).material;
     uint entry = atomicAdd(counters[batch_of_material[material]], 1u);
 #if STEP == 2
     pixels[entry] = uint(pixel.x) | uint(pixel.y) << 16;

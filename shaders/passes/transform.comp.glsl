@@ -24,8 +24,9 @@ uniform uint slot_first;
 vec3 to_grid(Instance instance, uint vertex)
 {
     vec4 p = vec4(positions[3u * vertex], positions[3u * vertex + 1u], positions[3u * vertex + 2u], 1.0);
-    return vec3(dot(instance.grid_from_object_x, p), dot(instance.grid_from_object_y, p),
-                dot(instance.grid_from_object_z, p));
+    precise vec3 at = vec3(dot(instance.grid_from_object_x, p), dot(instance.grid_from_object_y, p),
+                           dot(instance.grid_from_object_z, p));
+    return at;
 }
 
 void main()

@@ -14,7 +14,11 @@ layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_PAIRS) uniform usampler2D pairs_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };  // next list entry of each cell
+#if HAS_INSTANCES
+layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D cell_triangle_img;
+#else
 layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
+#endif
 #if HAS_FACES
 layout(binding = IMG_1, rgba32ui) writeonly uniform uimage2D part_img;
 #endif
@@ -67,7 +71,7 @@ void main()
     float opacity = 1.0 - clamp(luminance(passed), 0.0, 1.0);
 
     uint slot = atomicAdd(cursors[cell_index(cell)], 1u);
-    imageStore(cell_triangle_img, list_texel(slot), uvec4(pair.x));
+    imageStore(cell_triangle_img, list_texel(slot), uvec4(list_entry(pair.x, triangle), 0u, 0u));
 #if HAS_OPACITY
     imageStore(cell_opacity_img, list_texel(slot), vec4(opacity));
     area *= opacity;

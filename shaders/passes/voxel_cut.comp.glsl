@@ -84,7 +84,7 @@ void main()
     uvec3 seen_plus = uvec3(0u), seen_minus = uvec3(0u);
     for (uint k = first; k < (may_be_cut ? end : first); ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = fetch_triangle(texelFetch(cell_triangles_tex, list_texel(k), 0).r);
+        Triangle t = fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg);
         uvec3 mask = uvec3(equal(uvec3(0u, 1u, 2u), uvec3(part.facing >> 1))) * 0xFFFFFFFFu;
         vec3 low, high;
         bounds_inside(t, corner, low, high);
@@ -139,7 +139,7 @@ void main()
     uvec3 near = uvec3(0u), far = uvec3(0u);
     for (uint k = first; k < (cut >= 0 ? end : first); ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = fetch_triangle(texelFetch(cell_triangles_tex, list_texel(k), 0).r);
+        Triangle t = fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg);
         uvec3 mask = uvec3(equal(uvec3(0u, 1u, 2u), uvec3(part.facing >> 1))) * 0xFFFFFFFFu;
         vec3 low, high;
         bounds_inside(t, corner, low, high);

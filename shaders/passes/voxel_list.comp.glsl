@@ -4,12 +4,17 @@
 
 #include "lib/grid.glsl"
 #include "lib/part.glsl"
+#include "lib/triangle.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_PAIRS) uniform usampler2D pairs_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };  // next list entry of each cell
+#if HAS_INSTANCES
+layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D cell_triangle_img;
+#else
 layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
+#endif
 
 uniform uint pair_first;
 uniform uint pair_count;
@@ -22,5 +27,5 @@ void main()
     }
     uvec4 pair = texelFetch(pairs_tex, list_texel(pair_first + number), 0);
     uint slot = atomicAdd(cursors[cell_index(pair_cell(pair))], 1u);
-    imageStore(cell_triangle_img, list_texel(slot), uvec4(pair.x));
+    imageStore(cell_triangle_img, list_texel(slot), uvec4(list_entry(pair.x, fetch_triangle(pair.x)), 0u, 0u));
 }

@@ -190,8 +190,9 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
         vec3 start = point_of_box(uvec3(corner) / line_block, line, low, high);
         Outermost top = NOTHING, bottom = NOTHING;
         for (uint k = record.x; k < record.x + record.y; ++k) {
-            uint index = texelFetch(cell_triangles_tex, list_texel(k), 0).r;
-            Triangle t = fetch_triangle(index);
+            uvec2 entry = texelFetch(cell_triangles_tex, list_texel(k), 0).rg;
+            uint index = triangle_number(entry);
+            Triangle t = fetch_listed(entry);
             vec3 n = cross(t.edge_1, t.edge_2);
             float distance;
             bool met = dominant_axis(n) == axis && meets(start, direction, t, column_low, column_high, distance);
@@ -216,8 +217,9 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
     minus_start = !misses_minus ? minus_start : (is_shared ? another : minus.position);
     uint end = misses_plus || misses_minus ? record.x + record.y : record.x;
     for (uint k = record.x; k < end; ++k) {
-        uint index = texelFetch(cell_triangles_tex, list_texel(k), 0).r;
-        Triangle t = fetch_triangle(index);
+        uvec2 entry = texelFetch(cell_triangles_tex, list_texel(k), 0).rg;
+        uint index = triangle_number(entry);
+        Triangle t = fetch_listed(entry);
         vec3 n = cross(t.edge_1, t.edge_2);
         bool is_ours = dominant_axis(n) == axis;
         float distance;

@@ -15,7 +15,7 @@ layout(local_size_x = GROUP_SIZE) in;
 layout(std430, binding = BUF_MATERIALS) readonly buffer Batches { uint batch_of_material[]; };
 layout(std430, binding = BUF_COUNTS) buffer Counters { uint counters[]; };  // of each batch; last: the estimate of pairs
 #if !COUNT
-layout(std430, binding = BUF_WORK) writeonly buffer Work { uvec2 work[]; };
+layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D work_img;
 #endif
 
 uniform uint triangle_count;
@@ -93,7 +93,7 @@ void main()
 #else
     for (uint item = 0u; item < items; ++item) {
         if (is_wanted(t, item)) {
-            work[first++] = uvec2(index, item);
+            imageStore(work_img, list_texel(first++), uvec4(index, item, 0u, 0u));
         }
     }
 #endif

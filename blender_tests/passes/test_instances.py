@@ -1,0 +1,176 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Instances that share the triangles of their mesh against instances that have their own in grid space."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from addon import sharing
+from addon.gpu import interface
+from addon.gpu.context import GpuContext
+from addon.scene import InstanceData, LightKind, MeshData, RayVisibility, SceneData
+from addon.settings import Settings
+from blender_tests.material_shader import material, node
+from blender_tests.passes import scenes
+from blender_tests.passes.run import pipeline, unit_grid, voxelized
+from blender_tests.passes.test_trace import shoot, unit
+
+SHARED, SEPARATE = 0, 1 << 60  # bytes that sharing has to save
+
+
+def turned(rng: np.random.Generator, *, mirrored: bool = False) -> np.ndarray:
+    """A random rotation with stretch, by which normals and areas change, (4, 4)."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.linalg.qr(rng.normal(size=(3, 3)))[0] * rng.uniform(0.6, 1.5, 3)
+    if (np.linalg.det(matrix) < 0) != mirrored:
+        matrix[:3, 0] *= -1.0
+    return matrix
+
+
+def cards() -> MeshData:
+    """Some squares one over the other, of two material slots."""
+    squares = [scenes.plane(0.7, 0.3 * k) for k in range(4)]
+    made = scenes.soup(np.concatenate([square.positions[square.triangle_vertices] for square in squares]))
+    made.triangle_slots[4:] = 1
+    uv = np.concatenate([square.uv_layers["UVMap"] for square in squares])
+    return dataclasses.replace(made, uv_layers={"UVMap": uv}, active_uv="UVMap")
+
+
+def crowd(**more: object) -> SceneData:
+    """Over a floor that is there once: smooth, mirrored, glowing, glossy, partly transparent, held-out instances, some
+    of which only some rays see."""
+    rng = np.random.default_rng(5)
+    checks = material(
+        node("C", "TexCoord"), node("T", "TexChecker", Vector="C.UV", Scale=3.0),
+        node("E", "Emission", Color="T.Color", Strength=2.0), surface="E.Emission", name="checks",
+    )  # fmt: skip
+    materials = (
+        scenes.diffuse(0.8), scenes.diffuse((0.8, 0.2, 0.1)), scenes.principled(0.6, Roughness=0.1),
+        scenes.principled((0.1, 0.6, 0.1), Alpha=0.5), checks,
+    )  # fmt: skip
+    made = [InstanceData("floor", 1, scenes.at(z=-0.4), (0,))]
+    for number in range(24):
+        matrix = turned(rng, mirrored=number % 3 == 0)
+        matrix[:3, 3] = rng.uniform((-2.0, -2.0, 0.2), (2.0, 2.0, 1.5))
+        is_card = number % 2 == 1
+        seen = RayVisibility.ALL if number % 5 else RayVisibility.CAMERA | RayVisibility.SHADOW
+        slots = (1 + number % 4, 1 + (number + 1) % 4) if is_card else (1 + number % 3,)
+        made.append(InstanceData(f"{number}", 2 if is_card else 0, matrix, slots, seen, number == 7, number, 0.3))
+    lamp = scenes.light(LightKind.POINT, 20.0, (1.0, -1.0, 4.0), radius=0.2)
+    base = scenes.scene(lights=[lamp], world=scenes.world(0.3), camera=scenes.camera((0.0, -5.0, 3.0)))
+    meshes = (scenes.sphere(0.35, 8), scenes.plane(6.0), cards())
+    return dataclasses.replace(base, meshes=meshes, instances=tuple(made), materials=materials, **more)
+
+
+def pictures(gpu: GpuContext, made: SceneData, settings: Settings) -> dict[str, np.ndarray]:
+    outputs = ("combined", "normal", "depth", "diffuse_color")
+    with pipeline(gpu, made, settings, (48, 40), outputs=outputs) as ready:
+        voxels, geometry = ready._voxelize.voxels, ready._geometry.geometry
+        assert voxels is not None and geometry is not None
+        found = {name: ready.film.read(name) for name in outputs}
+        found["shared"] = np.array(geometry.has_instances)
+        found["bricks"] = np.frombuffer(voxels.bricks.read(), np.uint32)
+        found["lists"] = np.array([voxels.pair_count, voxels.faces.count])
+        return found
+
+
+@pytest.mark.parametrize("glossy", [False, True], ids=["matte", "glossy"])
+def test_pictures_are_the_same(glossy: bool, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same cells, the same lists; pictures differ by rounding, not by what is hit."""
+    made = crowd()
+    if not glossy:
+        plain = tuple(scenes.diffuse(0.2 + 0.15 * k) for k in range(len(made.materials)))
+        made = dataclasses.replace(made, materials=plain)
+    settings = scenes.settings(40, samples=2)
+    monkeypatch.setattr(sharing, "LEAST_SAVED", SEPARATE)
+    separate = pictures(gpu, made, settings)
+    monkeypatch.setattr(sharing, "LEAST_SAVED", SHARED)
+    shared = pictures(gpu, made, settings)
+    assert shared.pop("shared") and not separate.pop("shared")
+    for name in ("bricks", "lists", "diffuse_color"):
+        np.testing.assert_array_equal(shared[name], separate[name], err_msg=name)
+    assert shared["combined"][..., :3].std() > 0.05
+    for name in ("combined", "normal", "depth"):
+        a, b = (np.nan_to_num(which[name], posinf=0.0) for which in (shared, separate))
+        off = np.abs(a - b) > 1e-4 * (np.abs(b) + 1.0)
+        # A ray that rounding sends past an edge shows somewhere, and there alone.
+        assert off.mean() < 2e-3, (name, off.mean(), np.abs(a - b).max())
+
+
+@pytest.mark.parametrize("any_hit", [False, True])
+def test_rays_hit_the_same(any_hit: bool, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Number, distance and normal of what rays meet, partly transparent surfaces and kinds of rays included."""
+    made = crowd()
+    world = np.eye(4) * 4.0
+    world[:, 3] = (12.0, 12.0, 3.0, 1.0)
+    placed = [dataclasses.replace(one, world_from_object=world @ one.world_from_object) for one in made.instances]
+    made = dataclasses.replace(made, instances=tuple(placed))
+    rng = np.random.default_rng(2)
+    origins = rng.uniform((1.0, 1.0, 2.0), (23.0, 23.0, 14.0), (20000, 3))
+    directions = unit(rng.normal(size=origins.shape))
+    found = {}
+    for saved in (SHARED, SEPARATE):
+        monkeypatch.setattr(sharing, "LEAST_SAVED", saved)
+        with voxelized(gpu, made, unit_grid((24, 24, 16))) as data:
+            found[saved] = shoot(gpu, data, origins, directions, any_hit=any_hit, mask=RayVisibility.DIFFUSE)
+    (distance, triangle, normal, cell), separate = found[SHARED], found[SEPARATE]
+    floor, hits = 2, separate[1] >= 0
+    assert 0.3 < hits.mean() < 0.95 and (separate[1] >= floor).mean() > 0.1
+    assert ((triangle >= 0) != hits).sum() <= 2  # rounding at an edge
+    if not any_hit:  # which one is found first depends on the order of a cell's list
+        same = triangle == separate[1]
+        assert (~same).sum() <= 4
+        np.testing.assert_allclose(distance[same & hits], separate[0][same & hits], rtol=1e-5, atol=1e-5)
+        np.testing.assert_allclose(normal[same], separate[2][same], atol=1e-6)
+        assert (cell[same] == separate[3][same]).all(axis=1).mean() > 0.999
+
+
+def test_closed_boxes_let_nothing_out(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was voxelized is what rays are tested against, to the last bit: none slips between cells."""
+    monkeypatch.setattr(sharing, "LEAST_SAVED", SHARED)
+    rng = np.random.default_rng(11)
+    shape, made, origins = scenes.sphere(1.0, 6), [], []
+    for x in (7.0, 21.0, 35.0):
+        matrix = turned(rng)
+        matrix[:3, :3] *= 4.0
+        matrix[:3, 3] = (x, 8.0, 8.0)
+        made.append((shape, scenes.diffuse(), matrix))
+        origins.append(matrix[:3, 3] + rng.uniform(-0.3, 0.3, (20000, 3)))
+    start = np.concatenate(origins)
+    with voxelized(gpu, scenes.scene(*made), unit_grid((44, 16, 16))) as found:
+        triangle = shoot(gpu, found, start, unit(rng.normal(size=start.shape)))[1]
+        assert (triangle < 0).sum() <= 3
+        owner = np.repeat(np.arange(3), 20000)
+        hit = triangle >= 0
+        np.testing.assert_array_equal(triangle[hit] // len(shape.triangle_vertices), owner[hit])
+
+
+def test_a_copy_adds_no_vertex_memory(gpu: GpuContext) -> None:
+    """A mesh of 50 000 triangles once, twice, and a hundred times."""
+    shape, surface = scenes.sphere(1.0, 160), scenes.diffuse()
+
+    def memory(copies: int) -> dict[str, int]:
+        made = scenes.scene(*((shape, surface, scenes.at(3.0 * k)) for k in range(copies)))
+        with voxelized(gpu, made, unit_grid((16, 16, 16))) as found:
+            assert found.geometry.has_instances == (copies > 1)
+            return dict(gpu.memory)
+
+    once, twice, many = (memory(copies) for copies in (1, 2, 100))
+    row = interface.TRIANGLES_PER_ROW * interface.TRIANGLE_BYTES  # in which the texture grows
+    for name in ("corners", "attributes", "vertex positions", "vertex indices"):
+        assert once[name] == twice[name] == many[name], name
+    assert once["triangles"] <= twice["triangles"] <= many["triangles"] <= once["triangles"] + row
+
+
+def test_few_bytes_are_not_shared(gpu: GpuContext) -> None:
+    """Instances of a small mesh cost no transformation of each triangle that a ray looks at."""
+    shape, surface = scenes.box(), scenes.diffuse()
+    boxes = scenes.scene(*((shape, surface, scenes.at(3.0 * k)) for k in range(50)))
+    assert not sharing.shares_triangles(boxes) and not sharing.shares_triangles(scenes.scene())
+    with voxelized(gpu, boxes, unit_grid(16)) as found:
+        assert found.geometry.defines == {"HAS_INSTANCES": False}
+        assert not found.voxels.trace_defines["HAS_INSTANCES"]
+        assert found.voxels.cell_triangles.components == 1
