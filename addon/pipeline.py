@@ -34,6 +34,7 @@ from .passes.guide import GuidePass
 from .passes.history import LightHistory
 from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass
+from .passes.neighbours import NeighbourPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
 from .passes.surface import RAY_TEXELS, SurfacePass, Surfaces
@@ -104,7 +105,7 @@ class Pipeline:
     """Renders one scene into a film. All GL objects live in ``gpu`` and are freed by ``release``."""
 
     def __init__(self, gpu: GpuContext, *, is_live: bool = False) -> None:
-        """``is_live``: somebody edits the scene. What an edit can take over is kept: 8 bytes for each voxel face."""
+        """``is_live``: somebody edits the scene. What an edit can take over is kept: 9 bytes for each voxel face."""
         self.gpu = gpu
         self._is_live = is_live
         self.film = Film(gpu)
@@ -119,6 +120,7 @@ class Pipeline:
         self._inject = InjectPass(gpu)
         self._links = LinkPass(gpu)
         self._bounce = BouncePass(gpu)
+        self._neighbours = NeighbourPass(gpu)
         self._cones = ConeVolume(gpu)
         self._guides = GuidePass(gpu)
         self._surface = SurfacePass(gpu)
@@ -263,7 +265,7 @@ class Pipeline:
         faces_before = self._voxelize.face_count
         if memo.stale("voxels", features.needs_radiance):
             before = memo.copy()
-            memo.forget("links", "radiance")
+            memo.forget("links", "radiance", "neighbours")
             changed = edit.bricks if edit else None
             for share in self._voxelize.run(
                 geometry, materials, self._materials, has_faces=features.needs_radiance, changed=changed
@@ -342,7 +344,8 @@ class Pipeline:
         self._links.release()
         self._inject.release()
         self._bounce.release()
-        self._memo.forget("links", "radiance")
+        self._neighbours.release()
+        self._memo.forget("links", "radiance", "neighbours")
 
     def _release_voxels(self) -> None:
         self._release_light()
@@ -388,7 +391,13 @@ class Pipeline:
             redone["linked_faces"] = self._links.linked
         if not features.needs_links:
             self._links.release()
-            memo.forget("links")
+            self._neighbours.release()
+            memo.forget("links", "neighbours")
+        elif self._is_live and memo.stale("neighbours"):
+            kept = None if before.stale("neighbours") else changes
+            for _ in self._neighbours.run(voxels, kept):
+                yield Progress(0.8, "Lighting voxels")
+            memo.done("neighbours")
         light = (
             settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.needs_links, drawn,
             world_drawn,
@@ -404,7 +413,7 @@ class Pipeline:
             else:
                 self._inject.release()
             passed = self._links if features.needs_links else None
-            for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
+            for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings, self._neighbours.sharing):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
             if not self._is_live:
                 self._inject.release()  # whatever changes the light injects it anew
@@ -506,6 +515,7 @@ class Pipeline:
             self._cones,
             self._guides,
             self._bounce,
+            self._neighbours,
             self._inject,
             self._links,
             self._lights,

@@ -135,6 +135,7 @@ class InjectPass:
         before = self.irradiance if changes else None
         if before is None:
             self.release()
+            changes = None
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 2, "u4")
         self.irradiance = irradiance
         defines = (

@@ -32,30 +32,30 @@ void main()
     }
     uint before = number_before(site.face);
     bool has_changed = before == NONE_INDEX;
+    bool may_cross = lies_above(site.origin, site.normal);
+    uvec2 shift = link_shift(site.origin, site.normal, random_seed);
     uint quads = link_count / 4u;
     for (uint q = 0u; q < (before == NONE_INDEX ? 0u : quads); ++q) {
         uvec4 links = texelFetch(links_before_tex, list_texel(before * quads + q), 0);
+        vec4 limits = vec4(1e30);
+        bool is_near = false;
         for (int k = 0; k < 4; ++k) {
             uint number = texelFetch(numbers_now_tex, list_texel(links[k] == NONE_INDEX ? 0u : links[k]), 0).r;
-            has_changed = has_changed || (links[k] != NONE_INDEX && number == NONE_INDEX);
-            links[k] = links[k] == NONE_INDEX ? NONE_INDEX : number;
+            number = links[k] == NONE_INDEX ? NONE_INDEX : number;
+            has_changed = has_changed || (number == NONE_INDEX && links[k] != NONE_INDEX);
+            vec3 place, normal;
+            fetch_face_place(number == NONE_INDEX ? 0u : number, place, normal);
+            float reach = max(distance(place, site.origin), 1e-6);
+            limits[k] = number == NONE_INDEX ? 1e30 : reach + FARTHEST_PLACE;
+            is_near = is_near || number == NONE_INDEX ||
+                      crosses_box(site.origin, (place - site.origin) / reach, reach, FARTHEST_PLACE);
+            links[k] = number;
         }
         imageStore(link_img, list_texel(site.face * quads + q), links);
-    }
-    uvec2 shift = link_shift(site.origin, site.normal, random_seed);
-    uint end = has_changed || !lies_above(site.origin, site.normal) ? 0u : link_count;
-    for (uint k = 0u; k < end; ++k) {
-        vec3 direction = link_direction(site.shading_normal, k, shift);
-        bool crosses = leaves_surface(site, direction) && crosses_box(site.origin, direction, 1e30, 0.0);
-        for (bool unsure = crosses; unsure; unsure = false) {  // a loop: software rasterizers run all of an `if`
-            uint link = texelFetch(links_before_tex, list_texel((before * link_count + k) / 4u), 0)[k & 3u];
-            float limit = 1e30;
-            if (link != NONE_INDEX) {
-                vec3 place, normal;
-                fetch_face_place(texelFetch(numbers_now_tex, list_texel(link), 0).r, place, normal);
-                limit = distance(place, site.origin) + FARTHEST_PLACE;
-            }
-            has_changed = has_changed || crosses_box(site.origin, direction, limit, 0.0);
+        for (int k = may_cross && is_near && !has_changed ? 0 : 4; k < 4; ++k) {
+            vec3 direction = link_direction(site.shading_normal, 4u * q + uint(k), shift);
+            bool crosses = leaves_surface(site, direction) && crosses_box(site.origin, direction, limits[k], 0.0);
+            has_changed = has_changed || crosses;
         }
     }
     if (has_changed) {
