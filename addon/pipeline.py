@@ -38,6 +38,7 @@ from .passes.neighbours import NeighbourPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
 from .passes.surface import RAY_TEXELS, SurfacePass, Surfaces
+from .passes.view import VOXEL_VIEWS
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
 from .scene import SceneData
@@ -145,8 +146,13 @@ class Pipeline:
         self.warnings: list[str] = []
 
     def want(self, names: Iterable[str]) -> None:
-        """Which outputs the film keeps, by the names of passes/compose.py; call before ``prepare``."""
-        self._wanted = set(names) | {"combined"}
+        """Which outputs the film keeps, by the names of passes/compose.py; call before ``prepare``.
+
+        The picture is always among them, but where nothing is asked for but voxels.
+        """
+        self._wanted = set(names)
+        if not self._wanted or not self._wanted <= set(VOXEL_VIEWS):
+            self._wanted.add("combined")
 
     # Voxels -----------------------------------------------------------------------------------------------------
 
@@ -157,13 +163,15 @@ class Pipeline:
 
         ``follows``: it is the next frame of an animation, and may take over light from the last one. Where memory does
         not suffice, voxels become coarser, with a warning.
-        Raises PipelineError, MemoryError, ShaderError. A generator that is not run to its end leaves no half-done step:
+        Raises PipelineError, MemoryError, ShaderError, GpuUnavailable, and has let go of everything then.
+        A generator that is not run to its end leaves no half-done step:
         the next call does that step again.
         """
         wanted = (
             settings.voxel_auto, settings.voxel_resolution, settings.memory_budget, settings.bounce_rays, size,
             scene.meshes, scene.instances,
         )  # fmt: skip
+        before = self.gpu.alive()
         while True:
             resolution = self._coarsened[1] if self._coarsened and _same(self._coarsened[0], wanted) else None
             fitting = settings.with_values(voxel_auto=False, voxel_resolution=resolution) if resolution else settings
@@ -171,14 +179,22 @@ class Pipeline:
                 yield from self._prepare(scene, fitting, size, follows)
                 break
             except MemoryError:
-                tried = choose_resolution(scene, fitting)
-                self._release_voxels()
-                if not self._memo.has("geometry") or tried <= LEAST_RESOLUTION:
+                tried, is_for_voxels = choose_resolution(scene, fitting), self._memo.has("geometry")
+                self._give_up(before)
+                if not is_for_voxels or tried <= LEAST_RESOLUTION:
                     self._coarsened = None
-                    raise  # not for voxels
+                    raise
                 self._coarsened = wanted, max(tried // 2, LEAST_RESOLUTION)
+            except Exception:
+                self._give_up(before)
+                raise
         if resolution:
             self.warnings.append(f"There is no memory for finer voxels: {resolution} are used along the longest side")
+
+    def _give_up(self, before: frozenset[int]) -> None:
+        """Lets go of everything, and of what was made since ``before`` by a step that failed in the middle."""
+        self.release()
+        self.gpu.free_since(before)
 
     def _prepare(
         self, scene: SceneData, settings: Settings, size: tuple[int, int], follows: bool
@@ -286,7 +302,7 @@ class Pipeline:
             changes = None
             if edit and self._voxelize.numbers_before is not None:
                 changes = FaceChanges(
-                    self.gpu, self._voxelize.numbers_before, faces_before, edit.ray_boxes, edit.brick_boxes
+                    self.gpu, self._voxelize.numbers_before, faces_before, edit.ray_boxes, edit.cell_boxes
                 )
             try:
                 yield from self._light_voxels(features, before, changes, redone)
@@ -322,12 +338,8 @@ class Pipeline:
             self._reflect.release()
         self._camera = CameraRays.of(scene.camera, grid, size)
         self._start_history(scene, settings, size, follows=follows)
-        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0)
-        if self.gpu.mgl.error == "GL_OUT_OF_MEMORY":
-            raise MemoryError(
-                "the graphics device has too little memory for this render: lower the voxel resolution, the resolution "
-                "or the sizes of images"
-            )
+        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0 and "combined" in self._wanted)
+        self.gpu.check()
         yield Progress(1.0, "Ready")
 
     def _edit(self, scene: SceneData, grid: VoxelGrid) -> Edit | None:
@@ -346,13 +358,6 @@ class Pipeline:
         self._bounce.release()
         self._neighbours.release()
         self._memo.forget("links", "radiance", "neighbours")
-
-    def _release_voxels(self) -> None:
-        self._release_light()
-        self._guides.release()
-        self._cones.release()
-        self._voxelize.release()
-        self._memo.forget("guides", "cones", "voxels")
 
     def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
         """Light at pixels stays right while all but the camera stays; outputs say which kinds of it are kept."""
@@ -423,7 +428,18 @@ class Pipeline:
     # Picture ----------------------------------------------------------------------------------------------------
 
     def sample(self) -> Iterator[Progress]:
-        """Add one pass to the film. ``prepare`` must have been run to its end."""
+        """Add one pass to the film. ``prepare`` must have been run to its end.
+
+        Raises PipelineError, MemoryError, ShaderError, GpuUnavailable; ``prepare`` must be run again then.
+        """
+        before = self.gpu.alive()
+        try:
+            yield from self._sample()
+        except Exception:
+            self._give_up(before)
+            raise
+
+    def _sample(self) -> Iterator[Progress]:
         scene, settings, features = self._scene, self._settings, self.features
         geometry, voxels, materials = self._geometry.geometry, self._voxelize.voxels, self._materials.set
         if scene is None or features is None or geometry is None or voxels is None or materials is None:
@@ -434,13 +450,17 @@ class Pipeline:
         surface = self._surface.pictures
         assert surface is not None
         frame = Frame(index, sample, gather, camera, offset, surface, features, settings, self.film.active_tiles)
+        radiance = self._bounce.radiance[0] if features.needs_radiance else None
+        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones, self._guides)
+        if self._wanted <= set(VOXEL_VIEWS):
+            self.film.add(frame, lit, scene, PixelLight())
+            yield Progress(1.0, "Pass done")
+            return
         surfaces = Surfaces(geometry, voxels, materials, self._materials)
         for share in self._surface.run(surfaces, frame.view):
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, frame.view, settings)
-        radiance = self._bounce.radiance[0] if features.needs_radiance else None
-        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones, self._guides)
         splits = self.film.splits_light
         if features.has_direct:
             for share in self._direct.run(frame, lit):
@@ -477,6 +497,7 @@ class Pipeline:
                     yield Progress(0.97 + 0.03 * share, "Indirect light")
         at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
         self.film.add(frame, lit, scene, at_pixels)
+        self.gpu.check()
         yield Progress(1.0, "Pass done")
 
     # Report -----------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ import numpy as np
 
 from ..gpu import interface
 from ..gpu.context import GpuContext
+from ..links import link_count
 from ..settings import Settings
 from .emitters import FACE_SAMPLES, EmitterTable
 from .face_changes import FaceChanges
@@ -29,11 +30,6 @@ LINKS_PER_STEP = 16
 #: ones would bring is added at once.
 CHECK_EVERY = 4
 CONVERGED = 1e-3
-
-
-def link_count(settings: Settings) -> int:
-    """Links of each face: four to a texel."""
-    return -(-settings.bounce_rays // 4) * 4
 
 
 def unpack_light(stored: np.ndarray) -> np.ndarray:
@@ -78,10 +74,13 @@ class LinkPass:
         what a scene that is the same but for an edit keeps of the links there are; None: nothing.
         """
         gpu, slot = self.gpu, interface.slot
+        count = link_count(settings.bounce_rays, voxels.faces.count)
+        if count != self.count:
+            changes = None  # links before were others
         before = (self.links, self.straight) if changes else (None, None)
         if not changes:
             self.release()
-        self.count = link_count(settings)
+        self.count = count
         links = gpu.list_texture("links", voxels.faces.count * self.count // 4, 4, "u4")
         self.links = links
         if world.is_lit or emitters.count:
@@ -219,7 +218,8 @@ class BouncePass:
         if links:
             self._pass(voxels, irradiance, links, first=self.bounces == 0, last=True)  # the last bounce once more
             self.radiance.reverse()
-            for _ in self._share(voxels, irradiance, sharing):
+            share = self._share(voxels, irradiance) if sharing is None else self._share(voxels, irradiance, sharing)
+            for _ in share:
                 yield 1.0
 
     def _total(self, faces: int) -> float:

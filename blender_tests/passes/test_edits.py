@@ -304,7 +304,7 @@ def test_without_light_on_surfaces_lists_are_taken_over(gpu: GpuContext) -> None
         assert after == found(ready)
 
 
-@pytest.mark.parametrize(("name", "lost"), [("ray_boxes", {"light"}), ("brick_boxes", {"links"})])
+@pytest.mark.parametrize(("name", "lost"), [("ray_boxes", {"light"}), ("cell_boxes", {"links"})])
 def test_boxes_decide_what_is_traced_again(
     name: str, lost: set[str], gpu: GpuContext, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -337,6 +337,8 @@ def test_united_boxes_hold_all() -> None:
     assert inside.any(axis=1).all()
     assert np.prod(few[:, 1] - few[:, 0], axis=1).sum() < 0.5 * 105.0**3
     assert united(boxes[:0], 4).shape == (0, 2, 3) and np.array_equal(united(boxes[:3], 4), boxes[:3])
+    beside = np.array([[[0, 0, 0], [4, 4, 4]], [[1, 0, 0], [5, 4, 4]]], float)
+    assert united(beside, 4).tolist() == [[[0, 0, 0], [5, 4, 4]]]
 
 
 def test_bricks_in_boxes() -> None:
