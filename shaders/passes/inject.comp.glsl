@@ -209,14 +209,25 @@ vec3 light_from_world(Site site)
 
 void main()
 {
+#if FINDS_CHANGED && HAS_REACH
+    // Most faces need no more than this.
+    uint number = site_first + invocation_index();
+    uint face = number < face_count ? texelFetch(face_order_tex, list_texel(number), 0).r : 0u;
+    vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(face), 0).xyz);
+    uint reach = texelFetch(reach_tex, clamp(ivec3(place), ivec3(0), grid_size - 1) / BRICK, 0).r;
+    Site site = Site(number < face_count ? face : NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0));
+    for (bool unsure = reach != 0u; unsure; unsure = false) {  // not an `if`, whose inside software rasterizers always run
+        site = site_of_thread();
+    }
+#else
     Site site = site_of_thread();
+#endif
     if (site.face == NONE_INDEX) {
         return;
     }
     vec3 irradiance = vec3(0.0);
     float points = 0.0;
 #if FINDS_CHANGED && HAS_REACH
-    uint reach = texelFetch(reach_tex, clamp(ivec3(site.origin), ivec3(0), grid_size - 1) / BRICK, 0).r;
     uint end = reach != 0u ? point_count : 0u;
 #else
     uint end = point_count;
