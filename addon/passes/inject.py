@@ -186,7 +186,7 @@ class InjectPass:
                     self.gpu.free(reach)
                 count = changes.found()
             self.lit = count
-            kernel = self.gpu.kernel("inject", defines | {"FINDS_CHANGED": False})
+            kernel = self.gpu.kernel("inject", defines | {"FINDS_CHANGED": False, "HAS_REACH": False})
             yield from self._steps(kernel, voxels, irradiance, count, sources, (changes, None, None))
         finally:
             self.gpu.free(before)
