@@ -91,8 +91,7 @@ def scene_bounds(scene: SceneData) -> DoubleArray | None:
     """(2, 3) world metres around all instances, or None when nothing has a triangle."""
     boxes = []
     for mesh, matrices in _instances_by_mesh(scene):
-        used = mesh.positions[mesh.triangle_vertices.ravel()]
-        box = np.array([used.min(axis=0), used.max(axis=0)], np.float64)
+        box = mesh.bounds
         corners = np.array([[box[i][0], box[j][1], box[k][2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
         points = (corners @ matrices.transpose(0, 2, 1))[:, :, :3]
         boxes.append([points.min(axis=(0, 1)), points.max(axis=(0, 1))])
@@ -121,11 +120,9 @@ def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
     """Decides how many cells are occupied, and how long their lists are."""
     area, perimeter, triangles = 0.0, 0.0, 0
     for mesh, matrices in _instances_by_mesh(scene):
-        a, b, c = (mesh.positions[mesh.triangle_vertices[:, k]].astype(np.float64) for k in range(3))
         scales = np.abs(np.linalg.det(matrices[:, :3, :3])) ** (1.0 / 3.0)
-        area += float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() * 0.5 * np.square(scales).sum())
-        edges = sum(np.linalg.norm(edge, axis=1).sum() for edge in (b - a, c - b, a - c))
-        perimeter += float(edges * scales.sum())
+        area += mesh.area_and_perimeter[0] * float(np.square(scales).sum())
+        perimeter += mesh.area_and_perimeter[1] * float(scales.sum())
         triangles += len(mesh.triangle_vertices) * len(matrices)
     return SurfaceMeasure(area, perimeter, triangles, shares_triangles(scene))
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from . import checks
 from .camera import CameraRays, pixel_offset
+from .edit import MAX_INSTANCES, Edit, edit_between
 from .features import Features
 from .gpu.context import GpuContext
 from .grid import VoxelGrid, choose_resolution, scene_bounds
@@ -27,6 +28,7 @@ from .passes.compose import Film, PixelLight
 from .passes.cones import ConeVolume
 from .passes.direct import DirectPass
 from .passes.emitters import EmitterTable
+from .passes.face_changes import FaceChanges
 from .passes.frame import Frame, Gather, LitVoxels
 from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
@@ -34,6 +36,7 @@ from .passes.guide import GuidePass
 from .passes.history import LightHistory
 from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass
+from .passes.neighbours import NeighbourPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
 from .passes.surface import RAY_TEXELS, SurfacePass, Surfaces
@@ -43,6 +46,8 @@ from .passes.world import WorldLight
 from .scene import SceneData
 from .settings import Settings
 
+#: Share of the bricks up to which voxels are taken over from those before.
+MOST_CHANGED = 0.5
 #: First random point of reflections that are found where none of earlier passes could be taken over.
 FILLING = 1 << 20
 #: Voxels do not become coarser than this for want of memory.
@@ -82,6 +87,12 @@ class _Memo:
     def done(self, step: str, *inputs: Any) -> None:
         self._keys[step] = inputs
 
+    def copy(self) -> _Memo:
+        """As it is now."""
+        made = _Memo()
+        made._keys = dict(self._keys)
+        return made
+
     def forget(self, *steps: str) -> None:
         for step in steps:
             self._keys.pop(step, None)
@@ -98,8 +109,10 @@ def _same(a: Any, b: Any) -> bool:
 class Pipeline:
     """Renders one scene into a film. All GL objects live in ``gpu`` and are freed by ``release``."""
 
-    def __init__(self, gpu: GpuContext) -> None:
+    def __init__(self, gpu: GpuContext, *, is_live: bool = False) -> None:
+        """``is_live``: somebody edits the scene. What an edit can take over is kept: 9 bytes for each voxel face."""
         self.gpu = gpu
+        self._is_live = is_live
         self.film = Film(gpu)
         self._wanted: set[str] = {"combined"}
         self._memo = _Memo()
@@ -112,6 +125,7 @@ class Pipeline:
         self._inject = InjectPass(gpu)
         self._links = LinkPass(gpu)
         self._bounce = BouncePass(gpu)
+        self._neighbours = NeighbourPass(gpu)
         self._cones = ConeVolume(gpu)
         self._guides = GuidePass(gpu)
         self._surface = SurfacePass(gpu)
@@ -125,9 +139,12 @@ class Pipeline:
         self._history = LightHistory(gpu, glossy=False)
         self._glossy_history = LightHistory(gpu, glossy=True)
         self._scene: SceneData | None = None
+        self._placed: SceneData | None = None  # what the geometry was made of
         self._settings = Settings()
         self._size = (0, 0)
         self._radiance_version = 0
+        #: Of the last ``prepare`` that did any: cells that were voxelized, faces that were linked to others and lit.
+        self.redone = {"cells": 0, "linked_faces": 0, "lit_faces": 0}
         self._coarsened: tuple[tuple, int] | None = None  # settings of voxels that did not fit, and what does
         self.features: Features | None = None
         self.grid: VoxelGrid | None = None
@@ -195,6 +212,7 @@ class Pipeline:
             )
         self._scene, self._settings, self._size = scene, settings, size
         self.gpu.times.clear()  # statistics are those of one picture
+        redone = dict.fromkeys(self.redone, 0)
         memo, warnings = self._memo, list(scene.warnings)
 
         uv_layers = tuple(sorted({name for mesh in scene.meshes for name in mesh.uv_layers}))
@@ -217,17 +235,24 @@ class Pipeline:
         shape = (scene.meshes, scene.instances)
         automatic = (settings.memory_budget, settings.bounce_rays) if settings.voxel_auto else ()
         resolution = automatic or (settings.voxel_resolution,)
+        edit: Edit | None = None  # what differs from the scene that voxels were made of; None: start again
         if memo.stale("geometry", *shape, *resolution):
             yield Progress(0.02, "Uploading geometry")
-            memo.forget("emitters", "voxels")
             bounds = scene_bounds(scene)
-            self.grid = VoxelGrid.around(
+            placed_grid = VoxelGrid.around(
                 bounds if bounds is not None else np.array([[-1.0] * 3, [1.0] * 3]), choose_resolution(scene, settings)
             )
             with self.gpu.timed("geometry"):
-                self._geometry.run(scene, self.grid, materials)
+                edit = self._edit(scene, placed_grid)
+                self.grid = placed_grid
+                if edit is None or edit.has_meshes or not self._geometry.update(scene, edit.instances):
+                    self._geometry.run(scene, placed_grid, materials)
+                self._placed = scene
             if settings.debug_checks and self._geometry.geometry is not None:
                 checks.check_geometry(self._geometry.geometry)
+            if edit is None or self._emitters.may_include(scene, edit.instances, materials):
+                memo.forget("emitters", "links", "radiance")
+            memo.forget("voxels")
             memo.done("geometry", *shape, *resolution)
             yield Progress(0.05, "Voxelizing")
         geometry, grid = self._geometry.geometry, self.grid
@@ -237,6 +262,7 @@ class Pipeline:
             for share in self._emitters.run(scene, geometry, materials, self._materials):
                 yield Progress(0.04 + 0.01 * share, "Finding emitters")
             memo.done("emitters")
+        self._emitters.compare(scene, geometry)
         features = Features.from_scene(
             scene,
             settings,
@@ -258,23 +284,41 @@ class Pipeline:
                 "of the frame (Ctrl-B), or set Glossy Layers to 0"
             )
 
+        before = _Memo()  # what was done when the voxels were as they were
+        faces_before = self._voxelize.face_count
         if memo.stale("voxels", features.needs_radiance):
-            memo.forget("links", "radiance")
-            for share in self._voxelize.run(geometry, materials, self._materials, has_faces=features.needs_radiance):
+            before = memo.copy()
+            memo.forget("links", "radiance", "neighbours")
+            changed = edit.bricks if edit else None
+            for share in self._voxelize.run(
+                geometry, materials, self._materials, has_faces=features.needs_radiance, changed=changed
+            ):
                 yield Progress(0.05 + 0.25 * share, "Voxelizing")
             if settings.debug_checks and self._voxelize.voxels is not None:
                 checks.check_voxels(self._voxelize.voxels, geometry.triangle_count)
             memo.done("voxels", features.needs_radiance)
+            redone["cells"] = self._voxelize.made
         voxels = self._voxelize.voxels
         assert voxels is not None
 
         if memo.stale("lights", scene.lights, grid):
             memo.forget("radiance")
+            before.forget("radiance")
             self._lights.run(scene.lights, grid)
             memo.done("lights", scene.lights, grid)
 
         if features.needs_radiance:
-            yield from self._light_voxels(features)
+            changes = None
+            if edit and self._voxelize.numbers_before is not None:
+                changes = FaceChanges(
+                    self.gpu, self._voxelize.numbers_before, faces_before, edit.ray_boxes, edit.cell_boxes
+                )
+            try:
+                yield from self._light_voxels(features, before, changes, redone)
+            finally:
+                if changes:
+                    changes.release()
+                self._voxelize.numbers_before = None
         else:
             self._release_light()
         if not features.has_guides:
@@ -291,6 +335,8 @@ class Pipeline:
             self._cones.run(voxels, self._bounce.radiance[0])
             memo.done("cones", self._radiance_version)
 
+        if any(redone.values()):
+            self.redone = redone
         self.warnings = list(dict.fromkeys(warnings))
         self._surface.allocate(size, len(materials.batches))
         if not features.has_direct:
@@ -305,12 +351,22 @@ class Pipeline:
         self.gpu.check()
         yield Progress(1.0, "Ready")
 
+    def _edit(self, scene: SceneData, grid: VoxelGrid) -> Edit | None:
+        """How ``scene`` differs from the one that voxels were made of; None: start again."""
+        if self._placed is None or grid != self.grid or not self._memo.has("voxels"):
+            return None
+        edit = edit_between(self._placed, scene, grid)
+        if edit is None or len(edit.instances) > MAX_INSTANCES or edit.share > MOST_CHANGED:
+            return None
+        return edit
+
     def _release_light(self) -> None:
         """Of voxels."""
         self._links.release()
         self._inject.release()
         self._bounce.release()
-        self._memo.forget("links", "radiance")
+        self._neighbours.release()
+        self._memo.forget("links", "radiance", "neighbours")
 
     def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
         """Light at pixels stays right while all but the camera stays; outputs say which kinds of it are kept."""
@@ -339,7 +395,10 @@ class Pipeline:
             )
         self._memo.done("history", *inputs)
 
-    def _light_voxels(self, features: Features) -> Iterator[Progress]:
+    def _light_voxels(
+        self, features: Features, before: _Memo, changes: FaceChanges | None, redone: dict[str, int]
+    ) -> Iterator[Progress]:
+        """``before``: what was done for the voxels that ``changes`` are since. Fills in ``redone``."""
         settings, memo = self._settings, self._memo
         voxels = self._voxelize.voxels
         assert voxels is not None
@@ -348,15 +407,23 @@ class Pipeline:
         if features.needs_links and memo.stale("links", *links):
             memo.forget("radiance")
             for share in self._links.run(
-                voxels, self._world, self._emitters, drawn=drawn, world_drawn=world_drawn, settings=settings
-            ):
+                voxels, self._world, self._emitters, drawn=drawn, world_drawn=world_drawn, settings=settings,
+                changes=None if before.stale("links", *links) else changes,
+            ):  # fmt: skip
                 yield Progress(0.3 + 0.5 * share, "Linking voxels")
             if settings.debug_checks:
                 checks.check_links(self._links, voxels.faces.count)
             memo.done("links", *links)
+            redone["linked_faces"] = self._links.linked
         if not features.needs_links:
             self._links.release()
-            memo.forget("links")
+            self._neighbours.release()
+            memo.forget("links", "neighbours")
+        elif self._is_live and memo.stale("neighbours"):
+            kept = None if before.stale("neighbours") else changes
+            for _ in self._neighbours.run(voxels, kept):
+                yield Progress(0.8, "Lighting voxels")
+            memo.done("neighbours")
         light = (
             settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.needs_links, drawn,
             world_drawn,
@@ -365,17 +432,20 @@ class Pipeline:
             if features.has_lights or drawn or world_drawn:
                 emitters = self._emitters if drawn else None
                 world = self._world if world_drawn else None
-                for share in self._inject.run(voxels, self._lights, emitters, world, settings):
+                kept = None if before.stale("radiance", *light) else changes
+                for share in self._inject.run(voxels, self._lights, emitters, world, settings, kept):
                     yield Progress(0.8 + 0.1 * share, "Lighting voxels")
+                redone["lit_faces"] = self._inject.lit
             else:
                 self._inject.release()
             passed = self._links if features.needs_links else None
-            for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
+            for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings, self._neighbours.sharing):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
             if settings.debug_checks:
                 straight = passed.straight if passed else None
                 checks.check_radiance(voxels, self._bounce.radiance[0], self._inject.irradiance, straight)
-            self._inject.release()  # whatever changes the light injects it anew
+            if not self._is_live:
+                self._inject.release()  # whatever changes the light injects it anew
             memo.done("radiance", *light)
             self._radiance_version += 1
 
@@ -503,7 +573,8 @@ class Pipeline:
             "mean_samples": round(self.film.mean_samples, 3),
             "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
             "occupied": voxels.cell_count if voxels else 0,
-            "faces": voxels.faces.count if voxels and voxels.lit_faces else 0,
+            "faces": self._voxelize.face_count,
+            "redone": dict(self.redone),
             "bounces": self._bounce.bounces if self.features and self.features.bounces else 0,
             "features": self.features.names if self.features else [],
             "passes": [
@@ -527,6 +598,7 @@ class Pipeline:
             self._cones,
             self._guides,
             self._bounce,
+            self._neighbours,
             self._inject,
             self._links,
             self._lights,

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -50,6 +51,19 @@ class MeshData:
     active_uv: str | None = None  # the layer that an unnamed UV lookup reads
     active_color: str | None = None
     generated_bounds: FloatArray | None = None  # (2, 3) minimum, maximum of "Generated" coordinates; None: of positions
+
+    @cached_property
+    def bounds(self) -> DoubleArray:
+        """(2, 3) metres, object space: around all triangles, of which there must be one."""
+        used = self.positions[self.triangle_vertices.ravel()]
+        return np.array([used.min(axis=0), used.max(axis=0)], np.float64)
+
+    @cached_property
+    def area_and_perimeter(self) -> tuple[float, float]:
+        """Sums over all triangles, m2 and m, object space."""
+        a, b, c = (self.positions[self.triangle_vertices[:, k]].astype(np.float64) for k in range(3))
+        area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() * 0.5)
+        return area, float(sum(np.linalg.norm(edge, axis=1).sum() for edge in (b - a, c - b, a - c)))
 
 
 @dataclass(frozen=True)

@@ -253,6 +253,13 @@ class GpuContext:
         """Copy one 2D texture to another of the same size and format."""
         self._copy_image(source.glo, 0x0DE1, 0, 0, 0, 0, target.glo, 0x0DE1, 0, 0, 0, 0, *source.size, 1)
 
+    def copy_list(
+        self, source: moderngl.Texture, target: moderngl.Texture, first: int, count: int, target_first: int
+    ) -> None:
+        """Copy entries of one list texture to another of the same format."""
+        for a, b, width, height in list_rectangles(first, count, target_first):
+            self._copy_image(source.glo, 0x0DE1, 0, *a, 0, target.glo, 0x0DE1, 0, *b, 0, width, height, 1)
+
     def buffer(self, name: str, data: np.ndarray | bytes | None = None, *, size: int = 0) -> moderngl.Buffer:
         """A buffer with ``data`` in it, or of ``size`` bytes of zero."""
         raw = None if data is None else _bytes_of(data)
@@ -313,13 +320,18 @@ class GpuContext:
             raise MemoryError(f"{name} has {count} entries, more than a texture can hold: lower the voxel resolution")
         texture = self.texture(name, (width, rows), components, dtype)
         if data is not None and len(data):
-            whole = len(data) // width
-            if whole:
-                texture.write(_bytes_of(data[: whole * width]), viewport=(0, 0, width, whole), alignment=1)
-            if len(data) > whole * width:
-                rest = len(data) - whole * width
-                texture.write(_bytes_of(data[whole * width :]), viewport=(0, whole, rest, 1), alignment=1)
+            self.write_list(texture, data)
         return texture
+
+    def write_list(self, texture: moderngl.Texture, data: np.ndarray) -> None:
+        """Write entries of a list texture, from the first on; ``data``: one row for each."""
+        width = interface.LIST_WIDTH
+        whole = len(data) // width
+        if whole:
+            texture.write(_bytes_of(data[: whole * width]), viewport=(0, 0, width, whole), alignment=1)
+        if len(data) > whole * width:
+            rest = len(data) - whole * width
+            texture.write(_bytes_of(data[whole * width :]), viewport=(0, whole, rest, 1), alignment=1)
 
     def make(self, name: str, size: int, make: Callable[[], Any]) -> Any:
         """The object that ``make`` makes, of ``size`` bytes, counted. Raises MemoryError where there is no memory."""
@@ -421,6 +433,33 @@ class GpuContext:
             if self._inner_times:
                 self._inner_times[-1][0] += cpu
                 self._inner_times[-1][1] += wall
+
+
+def list_rectangles(
+    first: int, count: int, target_first: int
+) -> list[tuple[tuple[int, int], tuple[int, int], int, int]]:
+    """Rectangles (corner in the source, corner in the target, width, height) of list textures that hold ``count``
+    entries from ``first`` on, which go to ``target_first`` on."""
+    width = interface.LIST_WIDTH
+    found = []
+
+    def add(columns: int, rows: int) -> None:
+        found.append((divmod(first, width)[::-1], divmod(target_first, width)[::-1], columns, rows))
+
+    while count and (target_first % width or count < width):
+        part = min(count, width - first % width, width - target_first % width)
+        add(part, 1)
+        first, target_first, count = first + part, target_first + part, count - part
+    rows, before = divmod(count, width)[0], width - first % width
+    if rows:  # whole rows of the target: left and right of where rows of the source end
+        add(before, rows)
+        if before < width:
+            first, target_first = first + before, target_first + before
+            add(width - before, rows)
+            first, target_first = first - before, target_first - before
+        done = rows * width
+        found += list_rectangles(first + done, count - done, target_first + done)
+    return found
 
 
 _BYTES = {"f1": 1, "f2": 2, "f4": 4, "u1": 1, "u2": 2, "u4": 4, "i4": 4, "nu2": 2}

@@ -42,6 +42,9 @@ LIGHT_PICKS = 16
 #: A corner's normal that is nearer to its triangle's than this (a quarter of a degree) differs by rounding alone.
 FLAT_COSINE = 0.99999
 
+#: Boxes that tell which rays meet something else after an edit, at most.
+CHANGED_BOXES = 16
+
 #: Bins of a guide along each side of a facing's hemisphere: a power of two.
 GUIDE_SIDE = 8
 #: Texels of its tree of shares: 1, 4, 16, ... of four shares each.
@@ -89,8 +92,14 @@ TEXTURE_ALIASES = {
     "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, root of weight / MAX_FACE_WEIGHT
     "TEX_FACE_STRAIGHT": "TEX_DIFFUSE",  # rg32ui list: from world and emitters along links, W/(m2 sr)
     "TEX_FACE_IRRADIANCE": "TEX_F0",  # rg32ui list: from lights, over pi
-    "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones adjacent; rg32ui: and their shading normals
+    "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones adjacent
+    "TEX_FACE_SHADING": "TEX_DIFFUSE",  # r32ui list: shading normal (octahedral), where light is received
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
+    "TEX_NEIGHBOURS": "TEX_DIFFUSE",  # r8ui list: lib/neighbour.glsl
+    "TEX_REACH": "TEX_FACE_RADIANCE",  # r8ui 3D: 1 for bricks that an edit may have changed shadows in
+    "TEX_NUMBERS_BEFORE": "TEX_NORMAL",  # r32ui list: number that each face had; where faces are taken over
+    "TEX_NUMBERS_NOW": "TEX_EMISSION",  # r32ui list: number that each face before has
+    "TEX_STRAIGHT_BEFORE": "TEX_F0",  # as TEX_FACE_STRAIGHT
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
     # Emitters, where no material is evaluated.
     "TEX_EMITTERS": "TEX_INSTANCES",  # rgba32ui list: Emitter, several texels each
@@ -105,6 +114,7 @@ TEXTURE_ALIASES = {
     "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
     "TEX_PARTS": "TEX_FACE_RADIANCE",  # rgba32ui list, cell by cell: what pairs bring to faces
     "TEX_CELL_POSITIONS": "TEX_WORLD",  # r32ui list: x | y << 11 | z << 22
+    "TEX_CHANGED_BRICKS": "TEX_CONES",  # r8ui 3D: 1 where voxels are made again
     # Composition reads no grid: what it composes has the grid's units.
     "TEX_DIRECT_DIFFUSE": "TEX_FACE_RADIANCE",
     "TEX_DIRECT_GLOSSY": "TEX_BRICKS",
@@ -280,6 +290,7 @@ def prelude() -> str:
         "FLAT_COSINE": FLAT_COSINE,
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
         "LIGHT_PICKS": LIGHT_PICKS,
+        "CHANGED_BOXES": CHANGED_BOXES,
         "EMITTER_UNITS": f"{EMITTER_UNITS}.0",
         "EMITTER_TEXELS": f"{EMITTER.texels}u",
     }

@@ -96,9 +96,10 @@ def is_expected(error: BaseException) -> bool:
 class Session:
     """What is kept between the frames of one picture: the scene that was read, and the pipeline that renders it."""
 
-    def __init__(self, *, is_preview: bool = False, own_context: bool | None = None) -> None:
-        """``own_context``: whether to render in a context of our own instead of Blender's; None: as F12 does."""
-        self.is_preview = is_preview
+    def __init__(self, *, is_preview: bool = False, is_live: bool = False, own_context: bool | None = None) -> None:
+        """``is_live``: somebody edits the scene while it is shown. ``own_context``: whether to render in a context of
+        our own instead of Blender's; None: as F12 does."""
+        self.is_preview, self.is_live = is_preview, is_live
         self.settings = Settings()
         self.scene: SceneData | None = None
         self.thread = ContextThread(own=has_own_context() if own_context is None else own_context)
@@ -265,7 +266,7 @@ class Session:
                 raise RenderFailed(problem)
             self._context = GpuContext.standalone() if self.thread.own else GpuContext.attach()
             with self._context.guard():
-                self._pipeline = Pipeline(self._context)
+                self._pipeline = Pipeline(self._context, is_live=self.is_live)
 
     def _publish_statistics(self, size: tuple[int, int], render_ms: float, first_frame_ms: float) -> None:
         global last_statistics

@@ -96,7 +96,7 @@ class Viewport:
     def __init__(self) -> None:
         self.problem: str | None = None  # why there is no picture, in one sentence
         self.draws = 0
-        self.session = Session(own_context=viewport_has_own_context())
+        self.session = Session(is_live=True, own_context=viewport_has_own_context())
         self._display: Display = UploadedDisplay() if self.session.thread.own else SharedDisplay()
         self._slices = Slices(self.session, self._display.inbox)
         self._view: Any = None
@@ -231,7 +231,15 @@ def _facts(pipeline: Any, *, each_pass: bool) -> str:
     facts = [f"{sum(pipeline.gpu.memory.values()) / 2**20:.0f} MiB"]
     if pipeline.grid is not None:
         facts.insert(0, " x ".join(map(str, pipeline.grid.size)) + " voxels")
+        facts.append(_made_again(pipeline.statistics()))
     if each_pass:
         times = sorted(pipeline.gpu.times.items(), key=lambda entry: -entry[1].gpu_ms)
         facts += [f"{name} {time.gpu_ms / max(time.calls, 1):.1f} ms x {time.calls}" for name, time in times]
     return " | ".join(facts)
+
+
+def _made_again(statistics: dict[str, Any]) -> str:
+    """Shares of voxels and of their light that the last change of the scene has cost."""
+    parts = (("voxels", "cells", "occupied"), ("links", "linked_faces", "faces"), ("light", "lit_faces", "faces"))
+    shares = [f"{name} {statistics['redone'][key] / max(statistics[of], 1):.1%}" for name, key, of in parts]
+    return "made again: " + ", ".join(shares)

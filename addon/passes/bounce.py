@@ -15,6 +15,8 @@ from ..gpu.context import GpuContext
 from ..links import link_count
 from ..settings import Settings
 from .emitters import FACE_SAMPLES, EmitterTable
+from .face_changes import FaceChanges
+from .neighbours import NEIGHBOURS
 from .voxelize import Voxels
 from .world import FACE_SAMPLES as WORLD_SAMPLES
 from .world import WorldLight
@@ -28,8 +30,6 @@ LINKS_PER_STEP = 16
 #: ones would bring is added at once.
 CHECK_EVERY = 4
 CONVERGED = 1e-3
-#: Faces that each asks for their light, by a short ray.
-NEIGHBOURS = 8
 
 
 def unpack_light(stored: np.ndarray) -> np.ndarray:
@@ -43,8 +43,7 @@ def total_light(stored: np.ndarray) -> float:
     """The sum over all faces and channels; ``stored`` as for ``unpack_light``."""
     step = 1 << 18  # so that what is unpacked takes little memory
     return sum(
-        float(unpack_light(stored[first : first + step]).sum(dtype=np.float64))
-        for first in range(0, len(stored), step)
+        float(unpack_light(stored[first : first + step]).sum(dtype=np.float64)) for first in range(0, len(stored), step)
     )
 
 
@@ -56,6 +55,7 @@ class LinkPass:
         self.links: moderngl.Texture | None = None
         self.straight: moderngl.Texture | None = None
         self.count = 0
+        self.linked = 0  # faces whose links were traced, of the last run
 
     def run(
         self,
@@ -66,30 +66,39 @@ class LinkPass:
         drawn: bool,
         world_drawn: bool,
         settings: Settings,
+        changes: FaceChanges | None = None,
     ) -> Iterator[float]:
         """Trace the links. Yields the share done. Raises MemoryError when there are too many for a texture.
 
-        ``drawn``, ``world_drawn``: pass inject draws points on emitters and directions of the world too.
+        ``drawn``, ``world_drawn``: pass inject draws points on emitters and directions of the world too. ``changes``:
+        what a scene that is the same but for an edit keeps of the links there are; None: nothing.
         """
-        self.release()
         gpu, slot = self.gpu, interface.slot
-        self.count = link_count(settings.bounce_rays, voxels.faces.count)
+        count = link_count(settings.bounce_rays, voxels.faces.count)
+        if count != self.count:
+            changes = None  # links before were others
+        before = (self.links, self.straight) if changes else (None, None)
+        if not changes:
+            self.release()
+        self.count = count
         links = gpu.list_texture("links", voxels.faces.count * self.count // 4, 4, "u4")
         self.links = links
         if world.is_lit or emitters.count:
             self.straight = gpu.list_texture("straight light of faces", voxels.faces.count, 2, "u4")
+        count = voxels.faces.count
+        try:
+            if changes:
+                yield from self._keep(voxels, changes, before, settings)
+                count = changes.found()
+        finally:
+            gpu.free(*before)
+        self.linked = count
         kernel = gpu.kernel(
             "link",
-            voxels.site_defines
-            | world.defines
-            | {"HAS_EMITTERS": emitters.count > 0, "WORLD_IS_DRAWN": world_drawn},
+            voxels.site_defines | world.defines | {"HAS_EMITTERS": emitters.count > 0, "WORLD_IS_DRAWN": world_drawn},
         )
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // min(self.count, LINKS_PER_STEP))
-        steps = [
-            (first, link)
-            for first in range(0, voxels.faces.count, step)
-            for link in range(0, self.count, LINKS_PER_STEP)
-        ]
+        steps = [(first, link) for first in range(0, count, step) for link in range(0, self.count, LINKS_PER_STEP)]
         for number, (first, link) in enumerate(steps, 1):
             with gpu.timed("link"):
                 voxels.bind(kernel)
@@ -99,19 +108,52 @@ class LinkPass:
                 if world_drawn:
                     world.bind_drawn(kernel, WORLD_SAMPLES, table=False)
                 voxels.faces.bind()
-                voxels.faces.order.use(slot("TEX_FACE_ORDER"))
+                voxels.faces.bind_sites()
+                if changes:
+                    changes.bind_list()
                 links.bind_to_image(slot("IMG_0"), read=False, write=True)
                 if self.straight is not None:
                     self.straight.bind_to_image(slot("IMG_1"), read=True, write=True)
                 kernel.set(
-                    site_first=first, face_count=voxels.faces.count, link_count=self.count, link_first=link,
+                    site_first=first, face_count=count, link_count=self.count, link_first=link,
                     link_end=min(link + LINKS_PER_STEP, self.count), random_seed=settings.seed,
                 )  # fmt: skip
                 if link > 0:
                     gpu.barrier()  # light is added to that of the links before
-                kernel.run_list(min(step, voxels.faces.count - first))
+                kernel.run_list(min(step, count - first))
             yield number / len(steps)
         gpu.barrier()  # bounces read links and light
+
+    def _keep(
+        self,
+        voxels: Voxels,
+        changes: FaceChanges,
+        before: tuple[moderngl.Texture | None, moderngl.Texture | None],
+        settings: Settings,
+    ) -> Iterator[float]:
+        """Take over what stays of links and straight light ``before``, and list the other faces."""
+        gpu, slot, count = self.gpu, interface.slot, voxels.faces.count
+        links, straight = before
+        assert links is not None and self.links is not None
+        kernel = gpu.kernel("link_keep", voxels.site_defines | {"HAS_STRAIGHT": straight is not None})
+        changes.begin()
+        step = max(interface.GROUP_SIZE, 4 * RAYS_PER_STEP // self.count)
+        for first in range(0, count, step):
+            with gpu.timed("link"):
+                voxels.bind(kernel)
+                voxels.faces.bind()
+                voxels.faces.bind_sites()
+                changes.bind(kernel, changes.reach)
+                links.use(slot("TEX_LINKS"))
+                self.links.bind_to_image(slot("IMG_0"), read=False, write=True)
+                if straight is not None and self.straight is not None:
+                    straight.use(slot("TEX_STRAIGHT_BEFORE"))
+                    self.straight.bind_to_image(slot("IMG_2"), read=False, write=True)
+                kernel.set(
+                    site_first=first, face_count=count, link_count=self.count, random_seed=settings.seed
+                )  # fmt: skip
+                kernel.run_list(min(step, count - first))
+            yield 0.0
 
     def release(self) -> None:
         """Free everything."""
@@ -128,21 +170,32 @@ class BouncePass:
         self.bounces = 0
 
     def run(
-        self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, settings: Settings
+        self,
+        voxels: Voxels,
+        irradiance: moderngl.Texture | None,
+        links: LinkPass | None,
+        settings: Settings,
+        sharing: moderngl.Texture | None = None,
     ) -> Iterator[float]:
         """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done.
 
         ``irradiance`` None: nothing was injected. ``links`` None: no bounces, only what was injected leaves the faces.
+        ``sharing``: which neighbours share (pass neighbours); None: not known.
         """
         self.release()
         try:
-            yield from self._steps(voxels, irradiance, links, settings)
+            yield from self._steps(voxels, irradiance, links, settings, sharing)
         finally:
             self.gpu.free(*self.radiance[1:])
             del self.radiance[1:]
 
     def _steps(
-        self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, settings: Settings
+        self,
+        voxels: Voxels,
+        irradiance: moderngl.Texture | None,
+        links: LinkPass | None,
+        settings: Settings,
+        sharing: moderngl.Texture | None,
     ) -> Iterator[float]:
         textures = 2 if links else 1
         self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 2, "u4") for _ in range(textures)]
@@ -165,7 +218,8 @@ class BouncePass:
         if links:
             self._pass(voxels, irradiance, links, first=self.bounces == 0, last=True)  # the last bounce once more
             self.radiance.reverse()
-            for _ in self._share(voxels, irradiance):
+            share = self._share(voxels, irradiance) if sharing is None else self._share(voxels, irradiance, sharing)
+            for _ in share:
                 yield 1.0
 
     def _total(self, faces: int) -> float:
@@ -220,10 +274,15 @@ class BouncePass:
             kernel.run_list(voxels.faces.count)
             gpu.barrier()  # the next bounce and the gather read what this one wrote
 
-    def _share(self, voxels: Voxels, irradiance: moderngl.Texture | None) -> Iterator[float]:
+    def _share(
+        self, voxels: Voxels, irradiance: moderngl.Texture | None, sharing: moderngl.Texture | None = None
+    ) -> Iterator[float]:
         """The second of ``radiance`` holds indirect light; the first gets what faces send. Yields the share done."""
         gpu, slot, count = self.gpu, interface.slot, voxels.faces.count
-        kernel = gpu.kernel("share_faces", voxels.trace_defines | {"HAS_INJECTED": irradiance is not None})
+        kernel = gpu.kernel(
+            "share_faces",
+            voxels.trace_defines | {"HAS_INJECTED": irradiance is not None, "HAS_NEIGHBOURS": sharing is not None},
+        )
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // NEIGHBOURS)
         for first in range(0, count, step):
             with gpu.timed("share faces"):
@@ -231,6 +290,8 @@ class BouncePass:
                 voxels.faces.bind()
                 if irradiance is not None:
                     irradiance.use(slot("TEX_FACE_IRRADIANCE"))
+                if sharing is not None:
+                    sharing.use(slot("TEX_NEIGHBOURS"))
                 self.radiance[1].use(slot("TEX_FACE_RADIANCE"))
                 self.radiance[0].bind_to_image(slot("IMG_0"), read=False, write=True)
                 kernel.set(face_first=first, face_count=count)

@@ -62,9 +62,7 @@ class ConeVolume:
         """Bind what lib/cone.glsl reads."""
         assert self.volume is not None
         self.volume.use(interface.slot("TEX_CONES"))
-        kernel.set(
-            cone_size=self.size, cone_stride=self.stride, cone_cell=float(self.children), cone_levels=LEVELS
-        )
+        kernel.set(cone_size=self.size, cone_stride=self.stride, cone_cell=float(self.children), cone_levels=LEVELS)
 
     def release(self) -> None:
         """Free the volume."""

@@ -76,9 +76,7 @@ class DirectPass:
                     clamp_indirect=settings.clamp_indirect,
                 )
             if drawn:
-                kernel.set(
-                    max_distance=reach if reach > 0.0 else 1e30, specular_aperture=settings.specular_aperture
-                )
+                kernel.set(max_distance=reach if reach > 0.0 else 1e30, specular_aperture=settings.specular_aperture)
             assert self.diffuse is not None
             self.diffuse.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
             if self.glossy is not None:

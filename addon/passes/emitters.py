@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import moderngl
@@ -37,6 +37,7 @@ class _Candidates:
     triangles: np.ndarray  # (T,) int64
     batches: np.ndarray  # (T,) int64
     divisions: np.ndarray  # (T,) int64: parts of an edge
+    instances: list[int]  # that they are of
 
 
 def divisions(areas: np.ndarray, varies: np.ndarray) -> np.ndarray:
@@ -76,6 +77,8 @@ class EmitterTable:
         #: relative variance of (area of all surfaces) / (effective area of emitters) - 1: points pay where it is
         #: above 1, that of a point on an emitter, about.
         self.is_small = False
+        self._effective_area = 0.0  # cells^2
+        self._owners: frozenset[int] = frozenset()  # instances that may have some
         self._first_triangle = self._span = 0
 
     def run(
@@ -86,6 +89,7 @@ class EmitterTable:
         found = _candidates(scene, geometry, materials)
         if found is None:
             return
+        self._owners = frozenset(found.instances)
         counts = found.divisions**2
         starts = np.cumsum(counts) - counts
         records = np.zeros(int(counts.sum()), interface.EMITTER.dtype)
@@ -104,8 +108,20 @@ class EmitterTable:
                 done += len(part)
                 yield done / len(records)
         with self.gpu.timed("emitters"):
-            cell_area = geometry.grid.cell_size**2
-            self._keep(records, found, starts, measure_surfaces(scene).area / cell_area)
+            self._keep(records, found, starts)
+
+    def compare(self, scene: SceneData, geometry: Geometry) -> None:
+        """Set ``is_small``, which depends on all surfaces."""
+        if self.count:
+            scene_area = measure_surfaces(scene).area / geometry.grid.cell_size**2
+            self.is_small = self._effective_area < 0.5 * scene_area
+
+    def may_include(self, scene: SceneData, instances: Sequence[int], materials: MaterialSet) -> bool:
+        """Whether some of ``instances`` may have emitters now, or had some when the table was made."""
+        emits = _emitting(materials)
+        if any(emits[list(scene.instances[index].materials)].any() for index in instances):
+            return True
+        return not self._owners.isdisjoint(instances)
 
     def _evaluate(
         self, rows: np.ndarray, index: int, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass
@@ -127,7 +143,7 @@ class EmitterTable:
         gpu.free(work, made)
         return result
 
-    def _keep(self, records: np.ndarray, found: _Candidates, starts: np.ndarray, scene_area: float) -> None:
+    def _keep(self, records: np.ndarray, found: _Candidates, starts: np.ndarray) -> None:
         edge_1, edge_2 = records["edge_1"].astype(np.float64), records["edge_2"].astype(np.float64)
         areas = 0.5 * np.linalg.norm(np.cross(edge_1, edge_2), axis=1)
         sides = np.stack([records["front"] @ LUMINANCE, records["back"] @ LUMINANCE])
@@ -139,7 +155,7 @@ class EmitterTable:
         if not kept.any():
             return
         records, areas, power = records[kept], areas[kept], power[kept]
-        self.is_small = effective_area(areas, sides.max(axis=0)[kept]) < 0.5 * scene_area
+        self._effective_area = effective_area(areas, sides.max(axis=0)[kept])
         cumulative = distribution(power)
         chance = np.diff(cumulative, prepend=0.0) / interface.EMITTER_UNITS
         records["cumulative"] = cumulative
@@ -169,7 +185,8 @@ class EmitterTable:
         """Free everything."""
         self.gpu.free(self.records, self.lookup)
         self.records = self.lookup = None
-        self.count, self.is_small = 0, False
+        self.count, self.is_small, self._effective_area = 0, False, 0.0
+        self._owners = frozenset()
         self._first_triangle = self._span = 0
 
 
@@ -177,13 +194,13 @@ def _candidates(scene: SceneData, geometry: Geometry, materials: MaterialSet) ->
     """Triangles with a material that may emit, of instances that rays from surfaces see."""
     compiled = materials.compiled
     families = [compiled.families[material.family] for material in compiled.materials]
-    emits = np.array([family.has_emission for family in families], bool)
+    emits = _emitting(materials)
     varies = np.array([family.emission_varies for family in families], bool)
     if not emits.any():
         return None
-    parts = []
+    parts, instances = [], []
     first = 0
-    for instance in scene.instances:
+    for index, instance in enumerate(scene.instances):
         mesh = scene.meshes[instance.mesh]
         before, first = first, first + len(mesh.triangle_vertices)
         of_slot = np.asarray(instance.materials)
@@ -198,9 +215,19 @@ def _candidates(scene: SceneData, geometry: Geometry, materials: MaterialSet) ->
             edges = (corners[:, 1:] - corners[:, :1]) @ instance.world_from_object[:3, :3].T / geometry.grid.cell_size
             areas = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
         parts.append((before + chosen, material, areas))
+        instances.append(index)
     if not sum(len(triangles) for triangles, _, _ in parts):
         return None
     triangles, material, areas = (np.concatenate(column) for column in zip(*parts, strict=True))
     return _Candidates(
-        triangles, materials.batch_of_material[material].astype(np.int64), divisions(areas, varies[material])
+        triangles,
+        materials.batch_of_material[material].astype(np.int64),
+        divisions(areas, varies[material]),
+        instances,
     )
+
+
+def _emitting(materials: MaterialSet) -> np.ndarray:
+    """(M,) bool: materials that may emit."""
+    compiled = materials.compiled
+    return np.array([compiled.families[material.family].has_emission for material in compiled.materials], bool)

@@ -59,6 +59,7 @@ class MeshDraw:
     indices: moderngl.Buffer
     instances: moderngl.Buffer
     instance_count: int
+    members: list[int]  # instances
     vertex_array: Any = None
 
 
@@ -158,12 +159,11 @@ class GeometryPass:
         slots = np.zeros(0, np.uint32)
         total = 0
         if scene.instances:
-            worlds = np.array([instance.world_from_object for instance in scene.instances])
             owners = np.array([instance.mesh for instance in scene.instances])
             counts = triangle_counts(scene)
             total = int(counts.sum())
-            records["first_slot"], slots = _slots(scene)
-            _fill_matrices(records, grid.grid_from_world @ worlds)
+            records["first_slot"], slots = _slots(scene.instances)
+            _fill_placement(records, scene.instances, grid)
             _fill_generated(records, scene.meshes, owners)
             records["first_triangle"] = (np.cumsum(counts) - counts) & 0xFFFFFFFF  # too many are refused below
             records["triangle_count"] = counts
@@ -172,9 +172,6 @@ class GeometryPass:
             ):  # fmt: skip
                 of_mesh = [firsts.get(index, 0) for index in range(len(scene.meshes))]
                 records[name] = np.array(of_mesh, np.uint32)[owners]
-            records["random"] = [instance.random for instance in scene.instances]
-            records["object_index"] = [instance.object_index for instance in scene.instances]
-            records["mirrored"] = np.linalg.det(worlds[:, :3, :3]) < 0
 
         words = attributes.array()
         texels = records.view(np.uint32).reshape(-1, 4)
@@ -198,6 +195,41 @@ class GeometryPass:
             geometry.meshes = self._draws(scene, records, used)
         self.geometry = geometry
         return geometry
+
+    def update(self, scene: SceneData, changed: Sequence[int]) -> bool:
+        """Place instances ``changed`` anew, of a scene that has the meshes and materials that were uploaded.
+
+        Returns False where more than that is to be done, and does nothing.
+        """
+        geometry, gpu = self.geometry, self.gpu
+        if geometry is None or geometry.has_instances or not geometry.triangle_count:
+            return False
+        if not changed:
+            return True
+        seen = {index for draw in geometry.meshes for index in draw.members}
+        counts = [len(scene.meshes[scene.instances[index].mesh].triangle_vertices) for index in changed]
+        if any(
+            count and _seen_by_camera(scene.instances[index]) != (index in seen)
+            for index, count in zip(changed, counts, strict=True)
+        ):
+            return False
+        records = np.frombuffer(geometry.instances.read(), interface.INSTANCE.dtype, len(scene.instances)).copy()
+        instances = [scene.instances[index] for index in changed]
+        chosen = records[list(changed)]
+        _fill_placement(chosen, instances, geometry.grid)
+        records[list(changed)] = chosen
+        texels = records.view(np.uint32).reshape(-1, 4)
+        gpu.write_list(geometry.instances, texels)
+        for record, index, instance in zip(chosen, changed, instances, strict=True):
+            mesh = scene.meshes[instance.mesh]
+            self._transform(
+                geometry, record.reshape(1), [mesh.triangle_vertices.astype(np.uint32)],
+                [mesh.positions.astype(np.float32)], _slots([instance])[1], instance=index,
+            )  # fmt: skip
+        for draw in geometry.meshes:
+            if not set(draw.members).isdisjoint(changed):
+                draw.instances.write(_draw_data(records[draw.members]))
+        return True
 
     def _triangles(self, count: int) -> moderngl.Texture:
         """Room for so many triangles. Raises MemoryError."""
@@ -244,22 +276,31 @@ class GeometryPass:
         vertices: list[np.ndarray],
         positions: list[np.ndarray],
         slots: np.ndarray,
+        *,
+        instance: int = 0,
     ) -> None:
+        """Of instances ``records``, whose first is number ``instance``; ``vertices``: of their meshes."""
         gpu = self.gpu
+        first, mesh_first, slot_first = (
+            int(records[name][0]) if len(records) == 1 else 0
+            for name in ("first_triangle", "first_mesh_triangle", "first_slot")
+        )
+        count = int(records["triangle_count"].sum(dtype=np.int64))
         temporary = [
             gpu.buffer("transform input", np.concatenate(vertices)),
             gpu.buffer("transform input", np.concatenate(positions)),
             gpu.buffer("transform input", slots),
             gpu.buffer("transform input", records),
         ]
-        kernel = gpu.kernel("transform").set(triangle_count=geometry.triangle_count, instance_count=len(records))
+        kernel = gpu.kernel("transform").set(triangle_count=count, instance_count=len(records))
+        kernel.set(triangle_first=first, instance_first=instance, mesh_triangle_first=mesh_first, slot_first=slot_first)
         temporary[3].bind_to_storage_buffer(interface.slot("BUF_INSTANCES"))
         temporary[0].bind_to_storage_buffer(interface.slot("BUF_VERTICES"))
         temporary[1].bind_to_storage_buffer(interface.slot("BUF_POSITIONS"))
         geometry.corners.use(interface.slot("TEX_CORNERS"))
         temporary[2].bind_to_storage_buffer(interface.slot("BUF_MATERIALS"))
         geometry.triangles.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
-        kernel.run_list(geometry.triangle_count)
+        kernel.run_list(count)
         gpu.barrier()  # every later pass reads the triangles as a texture
         gpu.free(*temporary)
 
@@ -269,21 +310,16 @@ class GeometryPass:
             if _seen_by_camera(instance):
                 by_mesh[instance.mesh].append(index)
         draws = []
-        layout = np.dtype([("x", "<f4", 4), ("y", "<f4", 4), ("z", "<f4", 4), ("first", "<u4")])
         for mesh_index, members in by_mesh.items():
             mesh = scene.meshes[mesh_index]
             if not members or not len(mesh.triangle_vertices):
                 continue
-            data = np.zeros(len(members), layout)
-            chosen = records[members]
-            for row in "xyz":
-                data[row] = chosen[f"grid_from_object_{row}"]
-            data["first"] = chosen["first_triangle"]
             draw = MeshDraw(
                 self.gpu.buffer("vertex positions", mesh.positions.astype(np.float32)),
                 self.gpu.buffer("vertex indices", mesh.triangle_vertices.astype(np.uint32)),
-                self.gpu.buffer("draw instances", data),
+                self.gpu.buffer("draw instances", _draw_data(records[members])),
                 len(members),
+                members,
             )
             self._owned += [draw.positions, draw.indices, draw.instances]
             draws.append(draw)
@@ -304,7 +340,25 @@ def _seen_by_camera(instance: InstanceData) -> bool:
     return bool(instance.visibility & RayVisibility.CAMERA)
 
 
-def _slots(scene: SceneData) -> tuple[np.ndarray, np.ndarray]:
+def _draw_data(records: np.ndarray) -> np.ndarray:
+    """What instances are drawn by."""
+    data = np.zeros(len(records), [("x", "<f4", 4), ("y", "<f4", 4), ("z", "<f4", 4), ("first", "<u4")])
+    for row in "xyz":
+        data[row] = records[f"grid_from_object_{row}"]
+    data["first"] = records["first_triangle"]
+    return data
+
+
+def _fill_placement(records: np.ndarray, instances: Sequence[InstanceData], grid: VoxelGrid) -> None:
+    """Where ``instances`` stand, and what tells them apart."""
+    worlds = np.array([instance.world_from_object for instance in instances])
+    _fill_matrices(records, grid.grid_from_world @ worlds)
+    records["random"] = [instance.random for instance in instances]
+    records["object_index"] = [instance.object_index for instance in instances]
+    records["mirrored"] = np.linalg.det(worlds[:, :3, :3]) < 0
+
+
+def _slots(instances: Sequence[InstanceData]) -> tuple[np.ndarray, np.ndarray]:
     """(I,) where each instance's material slots start, and (S,) uint32, all slots: material | flags << 24.
 
     Instances that look alike have them in common.
@@ -312,7 +366,7 @@ def _slots(scene: SceneData) -> tuple[np.ndarray, np.ndarray]:
     firsts: dict[tuple[tuple[int, ...], int], int] = {}
     starts: list[int] = []
     slots: list[int] = []
-    for instance in scene.instances:
+    for instance in instances:
         flags = int(instance.visibility) | (interface.TRIANGLE_HOLDOUT if instance.is_holdout else 0)
         key = instance.materials, flags
         if key not in firsts:

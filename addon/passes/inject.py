@@ -15,6 +15,7 @@ from ..links import link_count
 from ..scene import AreaShape, LightData, LightKind
 from ..settings import Settings
 from .emitters import FACE_SAMPLES, EmitterTable
+from .face_changes import FaceChanges
 from .voxelize import Voxels
 from .world import FACE_SAMPLES as WORLD_SAMPLES
 from .world import WorldLight
@@ -131,6 +132,8 @@ class InjectPass:
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.irradiance: moderngl.Texture | None = None
+        self._numbers = (0, 0)  # points and links of each face, which light is weighed by
+        self.lit = 0  # faces that light was traced to, of the last run
 
     def run(
         self,
@@ -139,20 +142,28 @@ class InjectPass:
         emitters: EmitterTable | None,
         world: WorldLight | None,
         settings: Settings,
+        changes: FaceChanges | None = None,
     ) -> Iterator[float]:
         """Trace shadows and sum up irradiance / pi. Yields the share done.
 
         ``emitters``, ``world``: points and directions are drawn of them, weighed against the links, which look for them
-        too; or None.
+        too; or None. ``changes``: what a scene that is the same but for an edit keeps of the irradiance there is; None:
+        nothing.
         """
-        self.release()
         points = max(1, min(MOST_POINTS, POINTS_IN_ALL // max(voxels.faces.count, 1)))
         if lights.count > interface.LIGHT_PICKS:
             points = 1  # to look at all of them at each point would take long
+        numbers = points, link_count(settings.bounce_rays, voxels.faces.count)
+        if numbers != self._numbers:
+            changes = None  # other points were asked
+        self._numbers = numbers
+        before = self.irradiance if changes else None
+        if before is None:
+            self.release()
+            changes = None
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 2, "u4")
         self.irradiance = irradiance
-        kernel = self.gpu.kernel(
-            "inject",
+        defines = (
             voxels.site_defines
             | lights.defines(settings)
             | {
@@ -160,15 +171,56 @@ class InjectPass:
                 "HAS_EMITTERS": emitters is not None,
                 "WORLD_IS_DRAWN": world is not None,
                 "WORLD_IS_TEXTURE": world is not None,
-            },
+            }
         )
+        sources = lights, emitters, world, settings
+        count = voxels.faces.count
+        try:
+            if changes and before:
+                changes.begin()
+                reach = None if emitters or world else self._find_reach(voxels, lights, settings, changes)
+                finding = self.gpu.kernel("inject", defines | {"FINDS_CHANGED": True, "HAS_REACH": reach is not None})
+                try:
+                    yield from self._steps(finding, voxels, irradiance, count, sources, (changes, before, reach))
+                finally:
+                    self.gpu.free(reach)
+                count = changes.found()
+            self.lit = count
+            kernel = self.gpu.kernel("inject", defines | {"FINDS_CHANGED": False, "HAS_REACH": False})
+            yield from self._steps(kernel, voxels, irradiance, count, sources, (changes, None, None))
+        finally:
+            self.gpu.free(before)
+        self.gpu.barrier()  # bounces read it as a texture
+
+    def _steps(
+        self,
+        kernel: Kernel,
+        voxels: Voxels,
+        irradiance: moderngl.Texture,
+        count: int,
+        sources: tuple[LightTable, EmitterTable | None, WorldLight | None, Settings],
+        taken: tuple[FaceChanges | None, moderngl.Texture | None, moderngl.Texture3D | None],
+    ) -> Iterator[float]:
+        """Over ``count`` faces: those that were found to be changed, or else all. ``taken``: what is taken over, from
+        where, and the bricks in which faces may have changed; with no texture to take over, the list of changed faces
+        counts."""
+        lights, emitters, world, settings = sources
+        changes, before, reach = taken
+        points, links = self._numbers
         rays = lights.rays(settings) + (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
         step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, rays * points))
-        for first in range(0, voxels.faces.count, step):
+        for first in range(0, count, step):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
                 voxels.faces.bind()
-                voxels.faces.order.use(interface.slot("TEX_FACE_ORDER"))
+                voxels.faces.bind_sites()
+                if changes and before:
+                    changes.bind(kernel, changes.boxes)
+                    before.use(interface.slot("TEX_FACE_IRRADIANCE"))
+                    if reach:
+                        reach.use(interface.slot("TEX_REACH"))
+                elif changes:
+                    changes.bind_list()
                 if lights.count:
                     lights.bind(kernel, settings)
                 if emitters:
@@ -178,13 +230,27 @@ class InjectPass:
                     world.bind_drawn(kernel, WORLD_SAMPLES, table=True)
                 irradiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 kernel.set(
-                    site_first=first, face_count=voxels.faces.count, random_seed=settings.seed,
-                    use_shadows=settings.use_shadows, point_count=points,
-                    link_count=link_count(settings.bounce_rays, voxels.faces.count),
+                    site_first=first, face_count=count, random_seed=settings.seed,
+                    use_shadows=settings.use_shadows, point_count=points, link_count=links,
                 )  # fmt: skip
-                kernel.run_list(min(step, voxels.faces.count - first))
-            yield min(1.0, (first + step) / voxels.faces.count)
-        self.gpu.barrier()  # bounces read it as a texture
+                kernel.run_list(min(step, count - first))
+            yield min(1.0, (first + step) / count)
+
+    def _find_reach(
+        self, voxels: Voxels, lights: LightTable, settings: Settings, changes: FaceChanges
+    ) -> moderngl.Texture3D:
+        bricks = voxels.grid.bricks
+        reach = self.gpu.texture_3d("light reach", bricks, 1, "u1")
+        with self.gpu.timed("inject"):
+            kernel = self.gpu.kernel("inject_reach", lights.defines(settings))
+            voxels.bricks.use(interface.slot("TEX_BRICKS"))
+            lights.bind(kernel, settings)
+            changes.bind_boxes(kernel, changes.boxes)
+            reach.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
+            kernel.set(brick_count=bricks, grid_size=voxels.grid.size)
+            kernel.run_list(bricks[0] * bricks[1] * bricks[2])
+            self.gpu.barrier()  # read as a texture
+        return reach
 
     def release(self) -> None:
         """Free it."""

@@ -218,6 +218,4 @@ def _layer_frame(frame: Frame, layer: SurfacePictures, number: int) -> Frame:
     features = dataclasses.replace(frame.features, has_reconstruction=False)
     sample = (frame.sample * stride) & 0xFFFFFFFF
     gather = Gather(frame.index, sample)  # in every pass: what is met differs from one to the next
-    return dataclasses.replace(
-        frame, surface=layer, settings=settings, features=features, sample=sample, gather=gather
-    )
+    return dataclasses.replace(frame, surface=layer, settings=settings, features=features, sample=sample, gather=gather)

@@ -209,9 +209,7 @@ class SurfacePass:
             draw.vertex_array.render(moderngl.TRIANGLES, instances=draw.instance_count)
         gpu.barrier()  # the numbers are read through image loads
 
-    def _evaluate(
-        self, surfaces: Surfaces, pictures: SurfacePictures, view: View, behind: int = 0
-    ) -> Iterator[None]:
+    def _evaluate(self, surfaces: Surfaces, pictures: SurfacePictures, view: View, behind: int = 0) -> Iterator[None]:
         """Evaluate the materials of all pixels. Yields after each program that had to be compiled.
 
         ``behind``: how many partly transparent surfaces were looked through; the pixels that did are evaluated.

@@ -71,9 +71,29 @@ def cell_records(counts: np.ndarray) -> np.ndarray:
     return records
 
 
+def face_counts(facings: np.ndarray) -> np.ndarray:
+    """Faces of cells. ``facings``: (N,) uint32, last words of their records."""
+    return _POPCOUNT[facings & interface.FACING_MASK]
+
+
+def runs(before: np.ndarray, now: np.ndarray, lengths: np.ndarray) -> list[tuple[int, int, int]]:
+    """Parts of a list that stay beside each other: (first entry before, first entry now, entries), in their order.
+
+    ``before``, ``now``: (N,) where the list of each cell started and starts, both ascending; ``lengths``: (N,) entries.
+    """
+    listed = lengths > 0
+    old, new, count = (values[listed].astype(np.int64) for values in (before, now, lengths))
+    if not len(old):
+        return []
+    breaks = (old[1:] != old[:-1] + count[:-1]) | (new[1:] != new[:-1] + count[:-1])
+    starts = np.concatenate([[0], np.flatnonzero(breaks) + 1])
+    totals = np.add.reduceat(count, starts)
+    return list(zip(old[starts].tolist(), new[starts].tolist(), totals.tolist(), strict=True))
+
+
 def number_faces(records: np.ndarray, facings: np.ndarray) -> None:
     """Fill in the faces of ``records``. ``facings``: (N,) uint32, their last word."""
-    faces = _POPCOUNT[facings & interface.FACING_MASK]
+    faces = face_counts(facings)
     np.subtract(np.cumsum(faces, dtype=np.uint32), faces, out=records[:, 2])
     records[:, 3] = facings
 

@@ -25,6 +25,7 @@ from ..grid import VoxelGrid
 from ..scene import RayVisibility
 from .geometry import Geometry
 from .materials import Batch, MaterialPass, MaterialSet
+from .taken_over import TakenOver
 from .voxel_numbers import cell_axes, cell_positions, cell_records, empty_octants, number_faces, popcount
 
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
@@ -45,13 +46,20 @@ class Faces:
     count: int
     place: moderngl.Texture  # rgba32ui
     reflectance: moderngl.Texture  # rgba16, unsigned normalized: half floats would lose energy at each bounce
-    order: moderngl.Texture  # r32ui: faces, alike ones next to each other; rg32ui: and their shading normals
+    order: moderngl.Texture  # r32ui: faces, alike ones next to each other
+    shading: moderngl.Texture | None  # r32ui: shading normals; None: all are the triangles'
 
     def bind(self) -> None:
         """Bind for reading."""
         slot = interface.slot
         self.place.use(slot("TEX_FACE_PLACE"))
         self.reflectance.use(slot("TEX_FACE_REFLECTANCE"))
+
+    def bind_sites(self) -> None:
+        """Bind what lib/site.glsl reads besides."""
+        self.order.use(interface.slot("TEX_FACE_ORDER"))
+        if self.shading is not None:
+            self.shading.use(interface.slot("TEX_FACE_SHADING"))
 
 
 @dataclass
@@ -81,7 +89,7 @@ class Voxels:
     @property
     def site_defines(self) -> dict[str, object]:
         """For lib/site.glsl."""
-        return self.trace_defines | {"HAS_SHADING_NORMALS": self.faces.order.components == 2}
+        return self.trace_defines | {"HAS_SHADING_NORMALS": self.faces.shading is not None}
 
     def bind(self, kernel: Kernel) -> None:
         """Bind everything that tracing reads."""
@@ -96,7 +104,7 @@ class Voxels:
 
 
 @dataclass
-class _Lists:
+class Lists:
     """What is listed cell by cell before there are faces: list textures."""
 
     records: np.ndarray  # (cells, 4) uint32
@@ -113,38 +121,86 @@ class VoxelizePass:
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.voxels: Voxels | None = None
+        #: Where a part was made again: (faces,) uint32, the number that each face had before; NONE_INDEX: it is new.
+        self.numbers_before: np.ndarray | None = None
+        self.made = 0  # cells that were made, of the last run
         self._owned: list[Any] = []
         self._temporary: list[Any] = []
 
+    @property
+    def face_count(self) -> int:
+        """Faces there are."""
+        return self.voxels.faces.count if self.voxels is not None and self.voxels.lit_faces is not None else 0
+
     def run(
-        self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass, *, has_faces: bool
+        self,
+        geometry: Geometry,
+        materials: MaterialSet,
+        material_pass: MaterialPass,
+        *,
+        has_faces: bool,
+        changed: np.ndarray | None = None,
     ) -> Iterator[float]:
-        """Voxelize. Yields the share done; ``voxels`` is set at the end. ``has_faces``: surfaces get light."""
-        self.release()
+        """Voxelize. Yields the share done; ``voxels`` is set at the end. ``has_faces``: surfaces get light.
+
+        ``changed``: (z, y, x) bool, the bricks in which surfaces are not those that ``voxels`` were made of: they are
+        made again, and the rest is taken over, which gives the same as making all; None: all.
+        """
+        self.numbers_before = None
+        if changed is None or not self._can_take_over(geometry, materials, has_faces):
+            self.release()
+            changed = None
+        before = self._owned
+        self._owned = []
         try:
-            yield from self._steps(geometry, materials, material_pass, has_faces)
+            yield from self._steps(geometry, materials, material_pass, has_faces, changed)
+            self.gpu.free(*before)
+            before = []
         finally:
             self.gpu.free(*self._temporary)
             self._temporary = []
+            self._owned += before
+
+    def _can_take_over(self, geometry: Geometry, materials: MaterialSet, has_faces: bool) -> bool:
+        old = self.voxels
+        return (
+            old is not None
+            and old.grid == geometry.grid
+            and (old.cell_opacities is not None) == materials.lets_light_through
+            and (old.lit_faces is not None) == has_faces
+            and (old.lit_faces is None or (old.lit_faces.shading is not None) == geometry.has_smooth_shading)
+        )
 
     def _steps(
-        self, geometry: Geometry, materials: MaterialSet, material_pass: MaterialPass, has_faces: bool
+        self,
+        geometry: Geometry,
+        materials: MaterialSet,
+        material_pass: MaterialPass,
+        has_faces: bool,
+        changed: np.ndarray | None,
     ) -> Iterator[float]:
         gpu, slot, grid = self.gpu, interface.slot, geometry.grid
         with gpu.timed("voxelize"):
-            mask = gpu.texture_3d("voxel marks", (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]), 1, "u4")
+            taken = self._taken_over(changed)
+            mask = gpu.texture_3d(
+                "voxel marks",
+                (2 * grid.bricks[0], grid.bricks[1], grid.bricks[2]),
+                1,
+                "u4",
+                taken.marks if taken else None,
+            )
             self._temporary.append(mask)
-            item_starts, capacity, work = self._work(geometry, materials)
+            item_starts, capacity, work = self._work(geometry, materials, taken)
         yield 0.05
 
-        pairs, starts = yield from self._list_pairs(geometry, item_starts, work, mask, capacity)
+        pairs, starts = yield from self._list_pairs(geometry, item_starts, work, mask, taken, capacity)
         while starts[-1] > capacity:  # the estimate was too low: hardly ever
             capacity = starts[-1]
             gpu.free(pairs)
-            pairs, starts = yield from self._list_pairs(geometry, item_starts, work, mask, capacity)
+            pairs, starts = yield from self._list_pairs(geometry, item_starts, work, mask, taken, capacity)
 
         with gpu.timed("voxelize"):
-            bricks, positions = self._number_cells(mask, grid)
+            bricks, positions = self._number_cells(mask, grid, taken)
             gpu.free(mask, work)
             cursors = gpu.buffer("voxel counts", size=4 * len(positions))
             self._temporary.append(cursors)
@@ -155,7 +211,11 @@ class VoxelizePass:
             kernel.run_list(starts[-1])
             gpu.barrier()  # read back
             counts = np.frombuffer(cursors.read(), np.uint32)[: len(positions)]
-            lists = self._allocate_lists(geometry, materials, counts, cursors, starts[-1], has_faces)
+            if taken:
+                counts = taken.completed(counts, taken.records[:, 1])
+            lists = self._allocate_lists(geometry, materials, counts, cursors, has_faces)
+            if taken:
+                taken.copy_lists(gpu, lists)
         yield 0.5
 
         batches: list[Batch | None] = [*materials.batches]
@@ -182,8 +242,8 @@ class VoxelizePass:
             if has_faces:
                 places = gpu.list_texture("voxel cell positions", len(positions), 1, "u4", positions)
                 self._temporary.append(places)
-                self._cut_cells(geometry, lists, places)
-                faces = self._resolve(geometry, lists, places)
+                self._cut_cells(geometry, lists, places, taken)
+                faces = self._resolve(geometry, lists, places, taken)
         self.voxels = Voxels(
             grid,
             bricks,
@@ -193,11 +253,23 @@ class VoxelizePass:
             faces,
             geometry.triangles,
             cell_count=len(counts),
-            pair_count=starts[-1],
+            pair_count=int(counts.sum()),
         )
+        self.made = len(counts) if taken is None else int((~taken.stays).sum())
         yield 1.0
 
-    def _work(self, geometry: Geometry, materials: MaterialSet) -> tuple[list[int], int, moderngl.Texture]:
+    def _taken_over(self, changed: np.ndarray | None) -> TakenOver | None:
+        if changed is None or self.voxels is None:
+            return None
+        taken = TakenOver(self.voxels, changed)
+        size = (changed.shape[2], changed.shape[1], changed.shape[0])
+        taken.texture = self.gpu.texture_3d("changed bricks", size, 1, "u1", changed.astype(np.uint8))
+        self._temporary.append(taken.texture)
+        return taken
+
+    def _work(
+        self, geometry: Geometry, materials: MaterialSet, taken: TakenOver | None
+    ) -> tuple[list[int], int, moderngl.Texture]:
         """Where each batch's work items start (and the last ones end), about how many pairs there are, the items."""
         gpu, slot = self.gpu, interface.slot
         batches = len(materials.batches)
@@ -205,11 +277,14 @@ class VoxelizePass:
         self._temporary.append(counters)
 
         def run(count: bool) -> None:
-            kernel = gpu.kernel("work", geometry.defines | {"COUNT": count})
+            kernel = gpu.kernel("work", geometry.defines | {"COUNT": count, "IS_PART": taken is not None})
             kernel.set(
                 grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=int(RayVisibility.ALL),
                 batch_count=batches,
             )  # fmt: skip
+            if taken:
+                taken.bind()
+                kernel.set(part_low=taken.low, part_high=taken.high)
             geometry.triangles.use(slot("TEX_TRIANGLES"))
             materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
             counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
@@ -232,6 +307,7 @@ class VoxelizePass:
         item_starts: list[int],
         work: moderngl.Texture,
         mask: moderngl.Texture3D,
+        taken: TakenOver | None,
         capacity: int,
     ) -> Generator[float, None, tuple[moderngl.Texture, list[int]]]:
         """Mark cells and list pairs. Returns the list, and where each batch's pairs start and the last ones end.
@@ -248,9 +324,11 @@ class VoxelizePass:
             for first in range(item_starts[batch], item_starts[batch + 1], ITEMS_PER_STEP):
                 count = min(ITEMS_PER_STEP, item_starts[batch + 1] - first)
                 with gpu.timed("voxelize"):
-                    kernel = gpu.kernel("voxel_pairs", geometry.defines)
+                    kernel = gpu.kernel("voxel_pairs", geometry.defines | {"IS_PART": taken is not None})
                     kernel.set(grid_size=geometry.grid.size, work_first=first, work_count=count)
                     kernel.set(batch=batch, pair_capacity=capacity)
+                    if taken:
+                        taken.bind()
                     geometry.triangles.use(slot("TEX_TRIANGLES"))
                     work.use(slot("TEX_WORK"))
                     counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
@@ -262,7 +340,9 @@ class VoxelizePass:
             gpu.mgl.copy_buffer(counters, counters, 4, read_offset=4 * batch, write_offset=4 * batch + 4)
         return pairs, [0, *np.frombuffer(counters.read(), np.uint32)[:batches].tolist()]
 
-    def _number_cells(self, mask: moderngl.Texture3D, grid: VoxelGrid) -> tuple[moderngl.Texture3D, np.ndarray]:
+    def _number_cells(
+        self, mask: moderngl.Texture3D, grid: VoxelGrid, taken: TakenOver | None
+    ) -> tuple[moderngl.Texture3D, np.ndarray]:
         """The brick texture, and the packed positions of the occupied cells."""
         masks = np.frombuffer(mask.read(), np.uint64)
         counts = popcount(masks)
@@ -270,7 +350,8 @@ class VoxelizePass:
         texels = np.empty((len(masks), 4), np.uint32)
         texels[:, :2] = masks.view(np.uint32).reshape(-1, 2)
         texels[:, 2] = np.cumsum(counts) - counts
-        texels[:, 3] = empty_octants((masks != 0).reshape(shape)).ravel()
+        leaps = taken.leaps(masks != 0, counts) if taken else None
+        texels[:, 3] = empty_octants((masks != 0).reshape(shape)).ravel() if leaps is None else leaps
         bricks = self.gpu.texture_3d("bricks", grid.bricks, 4, "u4", texels)
         self._owned.append(bricks)
         return bricks, cell_positions(masks, grid.bricks)
@@ -281,14 +362,14 @@ class VoxelizePass:
         materials: MaterialSet,
         counts: np.ndarray,
         cursors: moderngl.Buffer,
-        pairs: int,
         has_faces: bool,
-    ) -> _Lists:
+    ) -> Lists:
         gpu = self.gpu
         records = cell_records(counts)
+        pairs = int(counts.sum())
         if len(records):
             cursors.write(np.ascontiguousarray(records[:, 0]))
-        lists = _Lists(
+        lists = Lists(
             records,
             gpu.list_texture("cells", len(records), 4, "u4", records),
             cursors,
@@ -302,7 +383,7 @@ class VoxelizePass:
         return lists
 
     def _accumulate_kernel(
-        self, geometry: Geometry, lists: _Lists, material_pass: MaterialPass, batch: Batch | None
+        self, geometry: Geometry, lists: Lists, material_pass: MaterialPass, batch: Batch | None
     ) -> Kernel:
         """The program of a batch, with its materials bound; ``batch`` None: of all pairs, where none is asked."""
         if batch is None:
@@ -318,7 +399,7 @@ class VoxelizePass:
         material_pass.bind(batch, kernel)
         return kernel
 
-    def _bind_lists(self, lists: _Lists) -> None:
+    def _bind_lists(self, lists: Lists) -> None:
         """For writing."""
         slot = interface.slot
         lists.cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
@@ -327,51 +408,79 @@ class VoxelizePass:
             if texture is not None:
                 texture.bind_to_image(slot(unit), read=False, write=True)
 
-    def _cut_cells(self, geometry: Geometry, lists: _Lists, positions: moderngl.Texture) -> None:
+    def _cut_cells(
+        self, geometry: Geometry, lists: Lists, positions: moderngl.Texture, taken: TakenOver | None
+    ) -> None:
         """Find where cells are cut in two, number their faces, and complete the records."""
         gpu, slot = self.gpu, interface.slot
         count = len(lists.records)
         assert lists.parts is not None
-        kernel = gpu.kernel("voxel_cut", geometry.defines).set(cell_count=count)
+        kernel = gpu.kernel("voxel_cut", geometry.defines | {"IS_PART": taken is not None})
+        work_count = count
+        if taken:
+            cells = np.flatnonzero(~taken.stays).astype(np.uint32)
+            work = gpu.buffer("voxel work", cells)
+            self._temporary.append(work)
+            work.bind_to_storage_buffer(slot("BUF_WORK"))
+            work_count = len(cells)
+        kernel.set(work_count=work_count)
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
         lists.parts.use(slot("TEX_PARTS"))
         positions.use(slot("TEX_CELL_POSITIONS"))
         lists.cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
-        kernel.run_list(count)
+        kernel.run_list(work_count)
         gpu.barrier()  # read back
-        number_faces(lists.records, np.frombuffer(lists.cursors.read(), np.uint32)[:count])
+        facings = np.frombuffer(lists.cursors.read(), np.uint32)[:count]
+        if taken:
+            facings = taken.completed(facings, taken.records[:, 3])
+        number_faces(lists.records, facings)
         gpu.free(lists.cells, lists.cursors)
         lists.cells = gpu.list_texture("cells", count, 4, "u4", lists.records)
         self._owned.append(lists.cells)
 
-    def _resolve(self, geometry: Geometry, lists: _Lists, positions: moderngl.Texture) -> Faces:
+    def _resolve(self, geometry: Geometry, lists: Lists, positions: moderngl.Texture, taken: TakenOver | None) -> Faces:
         gpu, slot = self.gpu, interface.slot
-        items, axis_counts = cell_axes(lists.records[:, 3])
-        work = gpu.buffer("voxel work", items)
-        self._temporary.append(work)
+        facings = lists.records[:, 3]
+        items, axis_counts = cell_axes(facings)
+        listed = gpu.buffer("voxel work", items)
         count = 2 * len(items)
         faces = Faces(
             count,
             gpu.list_texture("faces", count, 4, "u4"),
             gpu.list_texture("faces", count, 4, "nu2"),
-            gpu.list_texture("faces", count, 2 if geometry.has_smooth_shading else 1, "u4"),
+            gpu.list_texture("faces", count, 1, "u4"),
+            gpu.list_texture("faces", count, 1, "u4") if geometry.has_smooth_shading else None,
         )
-        self._owned += [faces.place, faces.reflectance, faces.order]
+        self._owned += [faces.place, faces.reflectance, faces.order, faces.shading]
+        self._temporary.append(listed)
+
+        kernel = gpu.kernel("face_order").set(work_count=len(items), axis_counts=axis_counts)
+        lists.cells.use(slot("TEX_CELLS"))
+        listed.bind_to_storage_buffer(slot("BUF_WORK"))
+        faces.order.bind_to_image(slot("IMG_0"), read=False, write=True)
+        kernel.run_list(len(items))
+
+        if taken:
+            self.numbers_before = taken.copy_faces(gpu, lists.records, faces)
+            items, _ = cell_axes(np.where(taken.stays, np.uint32(0), facings))
+            listed = gpu.buffer("voxel work", items)
+            self._temporary.append(listed)
         kernel = gpu.kernel("voxel_resolve", geometry.defines | {"HAS_SHADING_NORMALS": geometry.has_smooth_shading})
         block = min(interface.BRICK, max(1, max(geometry.grid.size) // LINE_BLOCKS))
-        kernel.set(work_count=len(items), axis_counts=axis_counts, line_block=block)
+        kernel.set(work_count=len(items), line_block=block)
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
         assert lists.parts is not None
         lists.parts.use(slot("TEX_PARTS"))
         positions.use(slot("TEX_CELL_POSITIONS"))
-        work.bind_to_storage_buffer(slot("BUF_WORK"))
+        listed.bind_to_storage_buffer(slot("BUF_WORK"))
         faces.place.bind_to_image(slot("IMG_0"), read=False, write=True)
         faces.reflectance.bind_to_image(slot("IMG_1"), read=False, write=True)
-        faces.order.bind_to_image(slot("IMG_2"), read=False, write=True)
+        if faces.shading is not None:
+            faces.shading.bind_to_image(slot("IMG_2"), read=False, write=True)
         kernel.run_list(len(items))
         gpu.barrier()  # injection and links read the faces
         return faces
@@ -380,4 +489,4 @@ class VoxelizePass:
         """Free everything."""
         self.gpu.free(*self._owned, *self._temporary)
         self._owned, self._temporary = [], []
-        self.voxels = None
+        self.voxels = self.numbers_before = None

@@ -116,9 +116,8 @@ def read_faces(voxels: Voxels, records: np.ndarray) -> np.ndarray:
     faces["position"] = np.ascontiguousarray(place[:, :3]).view(np.float32)
     faces["normal"] = _octahedral(place[:, 3])
     faces["shading_normal"] = faces["normal"]
-    if voxels.faces.order.components == 2:
-        order = read_list(voxels.faces.order, count, np.uint32)
-        faces["shading_normal"][order[:, 0]] = _octahedral(order[:, 1])
+    if voxels.faces.shading is not None:
+        faces["shading_normal"] = _octahedral(read_list(voxels.faces.shading, count, np.uint32)[:, 0])
     reflectance = read_list(voxels.faces.reflectance, count, np.uint16) / np.float32(65535)
     faces["reflectance"], faces["weight"] = reflectance[:, :3], reflectance[:, 3] ** 2 * interface.MAX_FACE_WEIGHT
     return faces
@@ -159,9 +158,10 @@ def pipeline(
     *,
     samples: int | None = None,
     outputs: tuple[str, ...] = (),
+    is_live: bool = False,
 ) -> Iterator[Pipeline]:
     """A pipeline after ``prepare`` and ``samples`` passes (as set)."""
-    made = Pipeline(gpu)
+    made = Pipeline(gpu, is_live=is_live)
     try:
         made.want(outputs)
         prepare(made, scene, settings, size)

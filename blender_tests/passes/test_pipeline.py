@@ -346,6 +346,7 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
     }  # fmt: skip
     assert programs == {
         "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_cut", "voxel_resolve",
+        "face_order",
         "inject", "link", "bounce", "share_faces", "guide_collect", "guide_build", "pixel_bins", "surface",
         "light_shapes", "direct", "gather", "reconstruct", "compose", "film",
     }  # fmt: skip

@@ -62,7 +62,7 @@ class StandInPipeline:
 class StandInSession:
     """What there is to see is set by the tests."""
 
-    def __init__(self, *, own_context: bool) -> None:
+    def __init__(self, *, is_live: bool, own_context: bool) -> None:
         from addon.host.backend import ContextThread
 
         self.thread = ContextThread(own=own_context)

@@ -19,6 +19,13 @@ void fetch_face_place(uint face, out vec3 position, out vec3 normal)
     normal = octahedral_decode(unpackSnorm2x16(place.w));
 }
 
+// For random numbers: depends on what the face stands for, not on how many faces come before it.
+uint face_seed(uint face)
+{
+    uvec4 place = texelFetch(face_place_tex, list_texel(face), 0);
+    return hash(hash(hash(place.x, place.y), place.z), place.w);
+}
+
 // rgb: reflectance, diffuse and specular together, as a Lambertian; a: area of the surfaces that are
 // nearest to this facing, in sides of cells.
 vec4 fetch_face_reflectance(uint face)

@@ -9,12 +9,16 @@
 #include "lib/face.glsl"
 
 layout(binding = TEX_FACE_ORDER) uniform usampler2D face_order_tex;
+#if HAS_SHADING_NORMALS
+layout(binding = TEX_FACE_SHADING) uniform usampler2D face_shading_tex;
+#endif
 
 uniform uint site_first;  // of this dispatch
 uniform uint face_count;  // of all
 
 struct Site {
     uint face;      // NONE_INDEX: this thread has no site
+    uint seed;      // of random numbers
     vec3 origin;    // where its rays start, grid space
     vec3 normal;    // geometric: no light comes from behind it
     vec3 shading_normal;  // of the cosine of light that is received
@@ -22,17 +26,17 @@ struct Site {
 
 Site site_of_thread()
 {
-    Site site = Site(NONE_INDEX, vec3(0.0), vec3(0.0), vec3(0.0));
+    Site site = Site(NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0));
     uint index = site_first + invocation_index();
     if (index < face_count) {
         vec3 position;
-        uvec4 entry = texelFetch(face_order_tex, list_texel(index), 0);
-        site.face = entry.r;
+        site.face = texelFetch(face_order_tex, list_texel(index), 0).r;
+        site.seed = face_seed(site.face);
         fetch_face_place(site.face, position, site.normal);
         site.origin = position + site.normal * RAY_START;
         site.shading_normal = site.normal;
 #if HAS_SHADING_NORMALS
-        site.shading_normal = octahedral_decode(unpackSnorm2x16(entry.g));
+        site.shading_normal = octahedral_decode(unpackSnorm2x16(texelFetch(face_shading_tex, list_texel(site.face), 0).r));
 #endif
     }
     return site;

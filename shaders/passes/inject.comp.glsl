@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light that falls on each voxel face straight from lights (HAS_LIGHTS, and HAS_MANY_LIGHTS: a part is picked),
 // from points drawn on emitters (HAS_EMITTERS), and from directions drawn by the world's light (WORLD_IS_DRAWN).
+// FINDS_CHANGED: after an edit; nothing is traced. Faces whose light stays get what they had, and the others are listed.
+// HAS_REACH: only bricks that are marked can have such (pass inject_reach).
 // Input: faces, lights, emitters, the world, triangles of cells.    Output: irradiance_img: irradiance / pi, W/(m2 sr).
 // Follows Crassin et al. 2011, "Interactive Indirect Illumination Using Voxel Cone Tracing".
 // Differs: visibility is a ray against the geometry for occupied voxels only, not a light-view map or a march.
@@ -18,7 +20,18 @@
 #include "lib/world_sample.glsl"
 #endif
 
+#if FINDS_CHANGED
+#include "lib/changed_faces.glsl"
+#endif
+
 layout(local_size_x = GROUP_SIZE) in;
+
+#if FINDS_CHANGED
+layout(binding = TEX_FACE_IRRADIANCE) uniform usampler2D irradiance_before_tex;
+#if HAS_REACH
+layout(binding = TEX_REACH) uniform usampler3D reach_tex;
+#endif
+#endif
 
 layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D irradiance_img;
 
@@ -30,9 +43,32 @@ uniform uint point_count;  // of each face, where light is looked for
 // Points on a light that has a size, all points of a face together; one suffices for the others.
 const uint SAMPLES = 4u;
 
+#if FINDS_CHANGED
+bool has_changed = false;
+#endif
+
+bool is_shadowed(vec3 origin, vec3 direction, float limit, uint seed)
+{
+#if FINDS_CHANGED
+    has_changed = has_changed || crosses_box(origin, direction, limit, 0.0);
+    return false;
+#else
+    return is_blocked(origin, direction, limit, seed);
+#endif
+}
+
+bool shades(vec3 origin, vec3 direction, float distance, uint seed)
+{
+#if FINDS_CHANGED
+    has_changed = has_changed || crosses_box(origin, direction, distance, 0.0);
+    return false;
+#else
+    return is_shaded(origin, direction, distance, seed);
+#endif
+}
+
 // Point k of what a face stands for: points are spread evenly over the plane of its surface in its cell. `face` is
-// NONE_INDEX where there is no surface, or it is hidden from the first point; else it is no face's number if k > 0, so that
-// random numbers differ.
+// NONE_INDEX where there is no surface, or it is hidden from the first point.
 Site site_point(Site site, uint k)
 {
     vec3 place = site.origin - site.normal * RAY_START;
@@ -53,13 +89,17 @@ Site site_point(Site site, uint k)
     vec3 direction = shift / max(size, 1e-6);
     for (int look = 0; look < 2 && k > 0u; ++look) {  // along the surface, where nothing shall be; down, where it is
         float reach = look == 0 ? size : 2.0 * RAY_START;
-        bool blocked = is_blocked(origin, direction, is_there ? reach : -1.0, hash(site.face, k));
+        bool blocked = is_shadowed(origin, direction, is_there ? reach : -1.0, hash(site.seed, k));
+#if FINDS_CHANGED
+        blocked = look == 1;  // wherever there may be a point, light is looked for
+#endif
         is_there = is_there && blocked == (look == 1);
         origin = site.origin + shift;
         direction = -site.normal;
     }
-    uint number = is_there ? site.face + k * face_count : NONE_INDEX;
-    return Site(k == 0u ? site.face : number, origin, site.normal, site.shading_normal);
+    uint face = k == 0u || is_there ? site.face : NONE_INDEX;
+    uint seed = k == 0u ? site.seed : hash(site.seed, k);
+    return Site(face, seed, origin, site.normal, site.shading_normal);
 }
 
 #if HAS_LIGHTS
@@ -72,7 +112,7 @@ bool has_size(Light light)
 // Irradiance that light k brings, from so many points on it.
 vec3 light_from_light(Site site, uint k, Light light, uint points)
 {
-    uint seed = hash(hash(site.face) + k, random_seed);
+    uint seed = hash(site.seed + k, random_seed);
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < points; ++i) {
         LightSample s = sample_light(light, site.origin, sample_2d(i, seed));
@@ -81,7 +121,7 @@ vec3 light_from_light(Site site, uint k, Light light, uint points)
             continue;
         }
         bool traces = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u;
-        bool shaded = traces && is_shaded(site.origin, s.direction, s.distance, hash(seed, i));
+        bool shaded = traces && shades(site.origin, s.direction, s.distance, hash(seed, i));
         sum += shaded ? vec3(0.0) : s.irradiance * cosine;
     }
     return sum / float(max(points, 1u));
@@ -104,7 +144,7 @@ vec3 light_from_lights(Site site)
     for (uint k = 0u; k < light_count; ++k) {
         total += estimate(site, fetch_light(lights_tex, k));
     }
-    Picks picks = start_picks(total, unit_float(hash(hash(site.face) + light_count, random_seed)));
+    Picks picks = start_picks(total, unit_float(hash(site.seed + light_count, random_seed)));
     vec3 irradiance = vec3(0.0);
     while (picks.light < light_count) {
         float factor = 0.0, brought = 0.0;
@@ -141,7 +181,7 @@ vec3 light_from_lights(Site site)
 vec3 light_from_emitters(Site site)
 {
     vec3 irradiance = vec3(0.0);
-    uint seed = hash(hash(site.face) + 0x68E31Du, random_seed);
+    uint seed = hash(site.seed + 0x68E31Du, random_seed);
     for (uint i = 0u; i < uint(emitter_samples); ++i) {
         EmitterSample s = sample_emitter(site.origin, sample_2d(i, seed), hash(seed, i));
         float cosine = dot(site.shading_normal, s.direction);
@@ -150,7 +190,7 @@ vec3 light_from_emitters(Site site)
             !leaves_surface(site, s.direction)) {
             continue;
         }
-        bool blocked = is_shaded(site.origin, s.direction, s.distance, hash(seed, i + 0x517CC1u));
+        bool blocked = shades(site.origin, s.direction, s.distance, hash(seed, i + 0x517CC1u));
         float weight = mis_weight(density, link_count * cosine / PI);
         irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
     }
@@ -162,14 +202,14 @@ vec3 light_from_emitters(Site site)
 vec3 light_from_world(Site site)
 {
     vec3 irradiance = vec3(0.0);
-    uint seed = hash(hash(site.face) + 0x2C1B3Cu, random_seed);
+    uint seed = hash(site.seed + 0x2C1B3Cu, random_seed);
     for (uint i = 0u; i < uint(world_samples); ++i) {
         WorldSample s = sample_world(sample_2d(i, seed), hash(seed, i));
         float cosine = dot(site.shading_normal, s.direction);
         if (cosine <= 0.0 || s.density <= 0.0 || !leaves_surface(site, s.direction)) {
             continue;
         }
-        bool blocked = is_blocked(site.origin, s.direction, 1e30, hash(seed, i + 0x517CC1u));
+        bool blocked = is_shadowed(site.origin, s.direction, 1e30, hash(seed, i + 0x517CC1u));
         float density = world_samples * s.density;
         float weight = mis_weight(density, link_count * cosine / PI);
         irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
@@ -180,13 +220,30 @@ vec3 light_from_world(Site site)
 
 void main()
 {
+#if FINDS_CHANGED && HAS_REACH
+    // Most faces need no more than this.
+    uint number = site_first + invocation_index();
+    uint face = number < face_count ? texelFetch(face_order_tex, list_texel(number), 0).r : 0u;
+    vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(face), 0).xyz);
+    uint reach = texelFetch(reach_tex, clamp(ivec3(place), ivec3(0), grid_size - 1) / BRICK, 0).r;
+    Site site = Site(number < face_count ? face : NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0));
+    for (bool unsure = reach != 0u; unsure; unsure = false) {  // not an `if`, whose inside software rasterizers always run
+        site = site_of_thread();
+    }
+#else
     Site site = site_of_thread();
+#endif
     if (site.face == NONE_INDEX) {
         return;
     }
     vec3 irradiance = vec3(0.0);
     float points = 0.0;
-    for (uint k = 0u; k < point_count; ++k) {
+#if FINDS_CHANGED && HAS_REACH
+    uint end = reach != 0u ? point_count : 0u;
+#else
+    uint end = point_count;
+#endif
+    for (uint k = 0u; k < end; ++k) {
         Site point = site_point(site, k);
         if (point.face == NONE_INDEX) {
             continue;
@@ -202,5 +259,14 @@ void main()
         irradiance += light_from_world(point);
 #endif
     }
+#if FINDS_CHANGED
+    uint before = number_before(site.face);
+    if (has_changed || before == NONE_INDEX) {
+        list_changed(site.face);
+    } else {
+        imageStore(irradiance_img, list_texel(site.face), texelFetch(irradiance_before_tex, list_texel(before), 0));
+    }
+#else
     imageStore(irradiance_img, list_texel(site.face), pack_light(irradiance / (PI * points)));
+#endif
 }

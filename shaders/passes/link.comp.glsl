@@ -4,15 +4,13 @@
 // trace nothing. Rays that leave the scene bring the world's light, those that meet an emitter its light, weighed against
 // the directions and points that pass inject draws; both are averaged here.
 // Input: faces, emitters, triangles of cells.
-// HAS_SHADING_NORMALS: what rays would lose below the surface is mirrored (lib/received.glsl).
 // Output: link_img (link_count numbers of faces for each face), straight_img: W/(m2 sr), mean over all rays.
 // Follows Keller 1997, "Instant Radiosity", and Szirmay-Kalos 1999, "Stochastic Iteration for Non-diffuse Global
 // Illumination"; differs: one fixed set of rays serves all iterations, so that they are products with a sparse matrix.
 
 #include "lib/radiance.glsl"
 #include "lib/site.glsl"
-#include "lib/link_shift.glsl"
-#include "lib/received.glsl"
+#include "lib/link_ray.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
 #endif
@@ -41,19 +39,13 @@ void main()
     if (site.face == NONE_INDEX) {
         return;
     }
-    uint seed = hash(site.face, random_seed);
+    uint seed = hash(site.seed, random_seed);
     uvec2 shift = link_shift(site.origin, site.normal, random_seed);
     uvec4 links;
     vec3 straight = vec3(0.0);
     for (uint k = link_first; k < link_end; ++k) {
-        vec3 direction = sample_cosine(site.shading_normal, sample_2d(k, shift));
-        bool leaves = true;
-#if HAS_SHADING_NORMALS
-        if (dot(site.normal, direction) <= 0.0) {
-            direction = mirrored(direction, site.normal);
-            leaves = unit_float(hash(seed + k, 0x5BD1E9u)) < mirrored_share(site.shading_normal, site.normal);
-        }
-#endif
+        vec3 direction;
+        bool leaves = link_ray(site, k, shift, seed, direction);
         Hit hit = trace(site.origin, direction, leaves ? 1e30 : -1.0, RAY_DIFFUSE, false, hash(seed, k));
         uint link = NONE_INDEX;
         if (hit.triangle != NONE_INDEX) {

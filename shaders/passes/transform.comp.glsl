@@ -15,6 +15,11 @@ layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D triangle_img;
 
 uniform uint triangle_count;
 uniform uint instance_count;
+// What is first in the buffers; 0 where they hold all.
+uniform uint triangle_first;
+uniform uint instance_first;
+uniform uint mesh_triangle_first;
+uniform uint slot_first;
 
 vec3 to_grid(Instance instance, uint vertex)
 {
@@ -30,6 +35,7 @@ void main()
     if (index >= triangle_count) {
         return;
     }
+    index += triangle_first;
     // The last instance that starts at or before this triangle.
     uint lo = 0u, hi = instance_count - 1u;
     while (lo < hi) {
@@ -42,12 +48,13 @@ void main()
     }
     Instance instance = instances[lo];
     uint triangle = instance.first_mesh_triangle + index - instance.first_triangle;
-    vec3 a = to_grid(instance, vertices[3u * triangle]);
-    vec3 b = to_grid(instance, vertices[3u * triangle + 1u]);
-    vec3 c = to_grid(instance, vertices[3u * triangle + 2u]);
-    uint slot = slots[instance.first_slot + texelFetch(corners_tex, list_texel(triangle), 0).w];
+    uint vertex = 3u * (triangle - mesh_triangle_first);
+    vec3 a = to_grid(instance, vertices[vertex]);
+    vec3 b = to_grid(instance, vertices[vertex + 1u]);
+    vec3 c = to_grid(instance, vertices[vertex + 2u]);
+    uint slot = slots[instance.first_slot - slot_first + texelFetch(corners_tex, list_texel(triangle), 0).w];
     ivec2 at = ivec2(3 * int(index % uint(TRIANGLES_PER_ROW)), int(index / uint(TRIANGLES_PER_ROW)));
     imageStore(triangle_img, at, uvec4(floatBitsToUint(a), slot));
-    imageStore(triangle_img, at + ivec2(1, 0), uvec4(floatBitsToUint(b - a), lo));
+    imageStore(triangle_img, at + ivec2(1, 0), uvec4(floatBitsToUint(b - a), instance_first + lo));
     imageStore(triangle_img, at + ivec2(2, 0), uvec4(floatBitsToUint(c - a), triangle));
 }

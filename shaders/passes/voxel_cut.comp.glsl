@@ -2,6 +2,7 @@
 // Which faces does each cell get? Surfaces that see different parts of space must not share one: the floors on both
 // sides of a thin wall, a picture and the wall behind it. A cell that holds such is cut in two by a plane across an
 // axis, and each side has faces of its own. A plane along a wall also tells on which side of it a point lies.
+// IS_PART: of a part of the cells.
 // Input: parts and triangles of cells.    Output: for each cell the last word of its record (lib/grid.glsl).
 
 #include "lib/grid.glsl"
@@ -15,8 +16,11 @@ layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
 layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
 layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cells { uint cells[]; };
+#if IS_PART
+layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cells
+#endif
 
-uniform uint cell_count;
+uniform uint work_count;
 
 // Areas in sides of cells. What is smaller is not worth faces of its own.
 const float LEAST_AREA = 0.3;
@@ -36,9 +40,12 @@ void bounds_inside(Triangle t, vec3 corner, out vec3 low, out vec3 high)
 void main()
 {
     uint number = invocation_index();
-    if (number >= cell_count) {
+    if (number >= work_count) {
         return;
     }
+#if IS_PART
+    number = work[number];
+#endif
     uvec4 record = texelFetch(cells_tex, list_texel(number), 0);
     uint first = record.x, end = record.x + record.y;
     vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(number), 0).r));

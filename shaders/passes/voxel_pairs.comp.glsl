@@ -1,9 +1,13 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Write down every pair of a triangle and a cell that it enters, and set the cell's bit.
+// IS_PART: cells of bricks that are made again, and no others.
 // Input: work items, triangles.    Output: pairs (see lib/part.glsl), how many, mask_img.
 
 #include "lib/overlap.glsl"
 #include "lib/part.glsl"
+#if IS_PART
+#include "lib/changed_bricks.glsl"
+#endif
 
 layout(local_size_x = GROUP_SIZE) in;
 
@@ -19,6 +23,11 @@ uniform uint pair_capacity;  // what does not fit is counted all the same
 
 void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal)
 {
+#if IS_PART
+    if (!is_made_again(cell)) {
+        return;
+    }
+#endif
     uint bit = brick_bit(cell);
     ivec3 brick = cell / BRICK;
     ivec3 at = ivec3(2 * brick.x + int(bit >> 5), brick.yz);

@@ -2,12 +2,12 @@
 // From parts to faces: sums and means, and the point of the surface that each face stands for. One thread for each axis
 // that a cell has faces on. Sums are integers: the order of a cell's list cannot show.
 // Input: parts and triangles of cells, cells with their positions. HAS_SHADING_NORMALS: meshes' corners.
-// Output: place_img, reflectance_img of the faces; order_img, the list of all faces facing by facing, with their shading
-// normals where there are some.
+// Output: place_img, reflectance_img and, where there are some, shading_img of the faces.
 
 #include "lib/grid.glsl"
 #include "lib/triangle.glsl"
 #include "lib/face.glsl"
+#include "lib/face_work.glsl"
 #include "lib/part.glsl"
 #if HAS_SHADING_NORMALS
 #include "lib/shading_normal.glsl"
@@ -19,17 +19,13 @@ layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
 layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
 layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
 layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
-layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cell | side << 29 | axis << 30, by axes
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
 layout(binding = IMG_1, rgba16) writeonly uniform image2D reflectance_img;
 #if HAS_SHADING_NORMALS
-layout(binding = IMG_2, rg32ui) writeonly uniform uimage2D order_img;
-#else
-layout(binding = IMG_2, r32ui) writeonly uniform uimage2D order_img;
+layout(binding = IMG_2, r32ui) writeonly uniform uimage2D shading_img;
 #endif
 
 uniform uint work_count;
-uniform uvec3 axis_counts;  // work items of each axis
 uniform uint line_block;     // cells on a side of the blocks in which all lines are alike
 
 struct Sums {
@@ -236,13 +232,10 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
     move_to(minus, minus_start, below, is_shared);
 }
 
-void store(uint index, Face face, uint place_in_order)
+void store(uint index, Face face)
 {
 #if HAS_SHADING_NORMALS
-    uint shading = packSnorm2x16(octahedral_encode(face.shading_normal));
-    imageStore(order_img, list_texel(place_in_order), uvec4(index, shading, 0u, 0u));
-#else
-    imageStore(order_img, list_texel(place_in_order), uvec4(index));
+    imageStore(shading_img, list_texel(index), uvec4(packSnorm2x16(octahedral_encode(face.shading_normal))));
 #endif
     imageStore(place_img, list_texel(index), pack_face_place(face.position, face.normal));
     imageStore(reflectance_img, list_texel(index), face.reflectance);
@@ -254,12 +247,10 @@ void main()
     if (number >= work_count) {
         return;
     }
-    uint index = work[number] & 0x1FFFFFFFu;
-    uint side = work[number] >> 29 & 1u;
-    uint axis = work[number] >> 30;
+    uint index, side, axis;
+    fetch_face_work(number, index, side, axis);
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
     uint first = face_index(record, 6u * side + 2u * axis);
-    uint before = (axis > 0u ? axis_counts.x : 0u) + (axis > 1u ? axis_counts.y : 0u);
 
     vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r));
     vec3 low = corner, high = corner + 1.0;
@@ -295,6 +286,6 @@ void main()
         front.reflectance.a *= sqrt(0.5);
         back.reflectance.a *= sqrt(0.5);
     }
-    store(first, front, number + before);
-    store(first + 1u, back, number + before + axis_counts[axis]);
+    store(first, front);
+    store(first + 1u, back);
 }

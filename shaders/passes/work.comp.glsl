@@ -2,9 +2,13 @@
 // Cut the triangles into work items of about equal size, batch by batch.
 // COUNT: how many items each batch has, and about how many pairs of triangle and cell there will be.
 // Otherwise: write the items, each batch from its own start.
+// IS_PART: items that may enter bricks that are made again, and no others.
 // Input: triangles, batch of each material.    Output: counters, work items (triangle, item number).
 
 #include "lib/overlap.glsl"
+#if IS_PART
+#include "lib/changed_bricks.glsl"
+#endif
 
 layout(local_size_x = GROUP_SIZE) in;
 
@@ -17,8 +21,48 @@ layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D work_img;
 uniform uint triangle_count;
 uniform uint ray_mask;  // triangles that none of these rays sees are left out
 uniform uint batch_count;
+#if IS_PART
+uniform ivec3 part_low;  // a box around the bricks that are made again, cells
+uniform ivec3 part_high;
+#endif
 
 void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal) {}
+
+#if IS_PART
+bool may_enter_part(Triangle t)
+{
+    vec3 low = t.corner + min(vec3(0.0), min(t.edge_1, t.edge_2));
+    vec3 high = t.corner + max(vec3(0.0), max(t.edge_1, t.edge_2));
+    return all(greaterThan(high, vec3(part_low) - 0.1)) && all(lessThan(low, vec3(part_high) + 0.1));
+}
+#endif
+
+// Whether an item is to be done. Cells of a column lie around the triangle's plane, in two bricks at most.
+bool is_wanted(Triangle t, uint item)
+{
+#if IS_PART
+    vec3 n = cross(t.edge_1, t.edge_2);
+    int axis = dominant_axis(n);
+    ivec4 range = column_range(t, axis);
+    vec3 a = turn(t.corner, axis);
+    vec3 m = turn(n, axis);
+    vec2 slope = -m.xy / m.z;
+    float half_depth = 0.5 * (abs(slope.x) + abs(slope.y)) + 0.1;
+    int last_cell = turn(grid_size, axis).z - 1;
+    int end = min(int(item + 1u) * COLUMNS_PER_ITEM, range.z * range.w);
+    bool wanted = false;
+    for (int k = int(item) * COLUMNS_PER_ITEM; k < end && !wanted; ++k) {
+        ivec2 column = range.xy + ivec2(k % range.z, k / range.z);
+        float depth = a.z + dot(slope, vec2(column) + 0.5 - a.xy);
+        int low = clamp(int(floor(depth - half_depth)), 0, last_cell);
+        int high = clamp(int(floor(depth + half_depth)), 0, last_cell);
+        wanted = is_made_again(turn_back(ivec3(column, low), axis)) || is_made_again(turn_back(ivec3(column, high), axis));
+    }
+    return wanted;
+#else
+    return true;
+#endif
+}
 
 void main()
 {
@@ -30,7 +74,16 @@ void main()
     if ((t.flags & ray_mask) == 0u) {
         return;
     }
-    uint count = item_count(t);
+    uint items = item_count(t);
+#if IS_PART
+    items = may_enter_part(t) ? items : 0u;
+    uint count = 0u;
+    for (uint item = 0u; item < items; ++item) {
+        count += is_wanted(t, item) ? 1u : 0u;
+    }
+#else
+    uint count = items;
+#endif
     if (count == 0u) {
         return;
     }
@@ -38,8 +91,10 @@ void main()
 #if COUNT
     atomicAdd(counters[batch_count], min(expected_cells(t), 3u * uint(COLUMNS_PER_ITEM) * count));
 #else
-    for (uint item = 0u; item < count; ++item) {
-        imageStore(work_img, list_texel(first + item), uvec4(index, item, 0u, 0u));
+    for (uint item = 0u; item < items; ++item) {
+        if (is_wanted(t, item)) {
+            imageStore(work_img, list_texel(first++), uvec4(index, item, 0u, 0u));
+        }
     }
 #endif
 }

@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: GPL-3.0-or-later
+// After an edit of the scene: links that stay, and a list of the faces whose links are to be traced again. A ray that
+// crosses no box around what was edited, up to where it ended, ends there again, at the face that stands for that place.
+// Input: faces, their numbers before and now, links and straight light before.
+// Output: link_img, straight_img (HAS_STRAIGHT), changed_img.
+
+#include "lib/link_ray.glsl"
+#include "lib/changed_faces.glsl"
+
+layout(local_size_x = GROUP_SIZE) in;
+
+layout(binding = TEX_LINKS) uniform usampler2D links_before_tex;
+layout(binding = TEX_NUMBERS_NOW) uniform usampler2D numbers_now_tex;
+layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
+#if HAS_STRAIGHT
+layout(binding = TEX_STRAIGHT_BEFORE) uniform usampler2D straight_before_tex;
+layout(binding = IMG_2, rg32ui) writeonly uniform uimage2D straight_img;
+#endif
+
+uniform uint link_count;  // a multiple of four
+uniform uint random_seed;
+
+// From where a ray ends to the place of the face that it was linked to, along each axis at most: half a cell (lib/radiance.glsl)
+// and a cell.
+const float FARTHEST_PLACE = 1.6;
+
+void main()
+{
+    Site site = site_of_thread();
+    if (site.face == NONE_INDEX) {
+        return;
+    }
+    uint before = number_before(site.face);
+    bool has_changed = before == NONE_INDEX;
+    bool may_cross = lies_above(site.origin, site.normal);
+    uint seed = hash(site.seed, random_seed);
+    uvec2 shift = link_shift(site.origin, site.normal, random_seed);
+    uint quads = link_count / 4u;
+    for (uint q = 0u; q < (before == NONE_INDEX ? 0u : quads); ++q) {
+        uvec4 links = texelFetch(links_before_tex, list_texel(before * quads + q), 0);
+        for (int k = 0; k < 4; ++k) {
+            uint number = texelFetch(numbers_now_tex, list_texel(links[k] == NONE_INDEX ? 0u : links[k]), 0).r;
+            number = links[k] == NONE_INDEX ? NONE_INDEX : number;
+            has_changed = has_changed || (number == NONE_INDEX && links[k] != NONE_INDEX);
+            links[k] = number;
+            vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(number == NONE_INDEX ? 0u : number), 0).xyz);
+            float reach = max(distance(place, site.origin), 1e-6);
+            bool is_near = number == NONE_INDEX ||
+                           crosses_box(site.origin, (place - site.origin) / reach, reach, FARTHEST_PLACE);
+            // A loop, not an `if`: software rasterizers run the inside of an `if` whether it holds or not.
+            for (bool unsure = is_near && may_cross && !has_changed; unsure; unsure = false) {
+                float limit = number == NONE_INDEX ? 1e30 : reach + 2.0 * FARTHEST_PLACE;  // 1.7: diagonals of cubes
+                vec3 direction;
+                bool leaves = link_ray(site, 4u * q + uint(k), shift, seed, direction);
+                has_changed = leaves && crosses_box(site.origin, direction, limit, 0.0);
+            }
+        }
+        imageStore(link_img, list_texel(site.face * quads + q), links);
+    }
+    if (has_changed) {
+        list_changed(site.face);
+        return;
+    }
+#if HAS_STRAIGHT
+    imageStore(straight_img, list_texel(site.face), texelFetch(straight_before_tex, list_texel(before), 0));
+#endif
+}
