@@ -37,12 +37,11 @@ class Edit:
         return united(self.boxes, CHANGED_BOXES)
 
     @property
-    def brick_boxes(self) -> DoubleArray:
-        """(up to CHANGED_BOXES, 2, 3) cells: whole bricks, outside which voxels are what they were, and the cells
-        beside them, where rays may look these up."""
+    def cell_boxes(self) -> DoubleArray:
+        """(up to CHANGED_BOXES, 2, 3) cells: whole ones, outside which voxels are what they were, and those beside
+        them, where rays may look these up."""
         boxes = united(self.boxes, CHANGED_BOXES)
-        low, high = np.floor(boxes[:, 0] / BRICK), np.floor(boxes[:, 1] / BRICK) + 1.0
-        return np.stack([low * BRICK - 1.0, high * BRICK + 1.0], axis=1)
+        return np.stack([np.floor(boxes[:, 0]) - 1.0, np.floor(boxes[:, 1]) + 2.0], axis=1)
 
 
 def edit_between(old: SceneData, new: SceneData, grid: VoxelGrid) -> Edit | None:
@@ -99,8 +98,10 @@ def bricks_in(boxes: DoubleArray, grid: VoxelGrid) -> np.ndarray:
 
 def united(boxes: DoubleArray, count: int) -> DoubleArray:
     """At most ``count`` boxes (K, 2, 3) that hold all of ``boxes``: those that lie together share one."""
+    if len(boxes) == 2 and _surface(_around(boxes)) <= _surface(boxes[0]) + _surface(boxes[1]):
+        return _around(boxes)[None]  # rays meet the one less often than one of the two
     if len(boxes) <= 1 or count <= 1:
-        return np.array([[boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)]]) if len(boxes) else boxes
+        return _around(boxes)[None] if len(boxes) else boxes
     if len(boxes) <= count:
         return boxes
     centres = boxes.mean(axis=1)
@@ -108,3 +109,14 @@ def united(boxes: DoubleArray, count: int) -> DoubleArray:
     half = len(boxes) // 2
     parts = [united(boxes[part], count // 2) for part in (order[:half], order[half:])]
     return np.concatenate(parts)
+
+
+def _around(boxes: DoubleArray) -> DoubleArray:
+    """(2, 3)."""
+    return np.stack([boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)])
+
+
+def _surface(box: DoubleArray) -> float:
+    """Half the surface of a box (2, 3)."""
+    x, y, z = box[1] - box[0]
+    return float(x * y + y * z + z * x)

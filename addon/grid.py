@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .gpu.interface import BRICK
+from .links import link_count
 from .scene import DoubleArray, MeshData, SceneData
 from .settings import Settings
 from .sharing import shares_triangles
@@ -127,11 +128,12 @@ def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
 
 
 def estimate_memory(
-    resolution: int, extent: tuple[float, float, float], surfaces: SurfaceMeasure, link_count: int
+    resolution: int, extent: tuple[float, float, float], surfaces: SurfaceMeasure, bounce_rays: int
 ) -> int:
     """Bytes that voxels and their light take at ``resolution`` cells along the longest side of a scene.
 
-    ``extent``: its sides, m. While voxels are made, lists of what triangles bring may take more, for a moment.
+    ``extent``: its sides, m. ``bounce_rays``: as in the settings. While voxels are made, lists of what triangles bring
+    may take more, for a moment.
 
     How many cells a triangle enters is, on average over where it lies and how it is turned, the volume of its Minkowski
     sum with a cell (Steiner's formula): 1 + 3/4 perimeter / h + 3/2 area / h^2. Triangles of one surface share cells:
@@ -145,7 +147,7 @@ def estimate_memory(
     pairs = surfaces.triangles + 0.75 * surfaces.perimeter / cell + covered
     cells = min(covered, dense)
     faces = FACES_PER_CELL * cells
-    of_face = BYTES_PER_FACE + LIGHTING_A_FACE + 4 * link_count
+    of_face = BYTES_PER_FACE + LIGHTING_A_FACE + 4 * link_count(bounce_rays, faces)
     bricks = dense / BRICK**3
     return int(bricks * BYTES_PER_BRICK + cells * BYTES_PER_CELL + pairs * surfaces.bytes_per_pair + faces * of_face)
 

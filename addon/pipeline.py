@@ -34,9 +34,11 @@ from .passes.guide import GuidePass
 from .passes.history import LightHistory
 from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass
+from .passes.neighbours import NeighbourPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
 from .passes.surface import RAY_TEXELS, SurfacePass, Surfaces
+from .passes.view import VOXEL_VIEWS
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
 from .scene import SceneData
@@ -105,7 +107,7 @@ class Pipeline:
     """Renders one scene into a film. All GL objects live in ``gpu`` and are freed by ``release``."""
 
     def __init__(self, gpu: GpuContext, *, is_live: bool = False) -> None:
-        """``is_live``: somebody edits the scene. What an edit can take over is kept: 8 bytes for each voxel face."""
+        """``is_live``: somebody edits the scene. What an edit can take over is kept: 9 bytes for each voxel face."""
         self.gpu = gpu
         self._is_live = is_live
         self.film = Film(gpu)
@@ -120,6 +122,7 @@ class Pipeline:
         self._inject = InjectPass(gpu)
         self._links = LinkPass(gpu)
         self._bounce = BouncePass(gpu)
+        self._neighbours = NeighbourPass(gpu)
         self._cones = ConeVolume(gpu)
         self._guides = GuidePass(gpu)
         self._surface = SurfacePass(gpu)
@@ -144,8 +147,13 @@ class Pipeline:
         self.warnings: list[str] = []
 
     def want(self, names: Iterable[str]) -> None:
-        """Which outputs the film keeps, by the names of passes/compose.py; call before ``prepare``."""
-        self._wanted = set(names) | {"combined"}
+        """Which outputs the film keeps, by the names of passes/compose.py; call before ``prepare``.
+
+        The picture is always among them, but where nothing is asked for but voxels.
+        """
+        self._wanted = set(names)
+        if not self._wanted or not self._wanted <= set(VOXEL_VIEWS):
+            self._wanted.add("combined")
 
     # Voxels -----------------------------------------------------------------------------------------------------
 
@@ -156,13 +164,15 @@ class Pipeline:
 
         ``follows``: it is the next frame of an animation, and may take over light from the last one. Where memory does
         not suffice, voxels become coarser, with a warning.
-        Raises PipelineError, MemoryError, ShaderError. A generator that is not run to its end leaves no half-done step:
+        Raises PipelineError, MemoryError, ShaderError, GpuUnavailable, and has let go of everything then.
+        A generator that is not run to its end leaves no half-done step:
         the next call does that step again.
         """
         wanted = (
             settings.voxel_auto, settings.voxel_resolution, settings.memory_budget, settings.bounce_rays, size,
             scene.meshes, scene.instances,
         )  # fmt: skip
+        before = self.gpu.alive()
         while True:
             resolution = self._coarsened[1] if self._coarsened and _same(self._coarsened[0], wanted) else None
             fitting = settings.with_values(voxel_auto=False, voxel_resolution=resolution) if resolution else settings
@@ -170,14 +180,22 @@ class Pipeline:
                 yield from self._prepare(scene, fitting, size, follows)
                 break
             except MemoryError:
-                tried = choose_resolution(scene, fitting)
-                self._release_voxels()
-                if not self._memo.has("geometry") or tried <= LEAST_RESOLUTION:
+                tried, is_for_voxels = choose_resolution(scene, fitting), self._memo.has("geometry")
+                self._give_up(before)
+                if not is_for_voxels or tried <= LEAST_RESOLUTION:
                     self._coarsened = None
-                    raise  # not for voxels
+                    raise
                 self._coarsened = wanted, max(tried // 2, LEAST_RESOLUTION)
+            except Exception:
+                self._give_up(before)
+                raise
         if resolution:
             self.warnings.append(f"There is no memory for finer voxels: {resolution} are used along the longest side")
+
+    def _give_up(self, before: frozenset[int]) -> None:
+        """Lets go of everything, and of what was made since ``before`` by a step that failed in the middle."""
+        self.release()
+        self.gpu.free_since(before)
 
     def _prepare(
         self, scene: SceneData, settings: Settings, size: tuple[int, int], follows: bool
@@ -264,7 +282,7 @@ class Pipeline:
         faces_before = self._voxelize.face_count
         if memo.stale("voxels", features.needs_radiance):
             before = memo.copy()
-            memo.forget("links", "radiance")
+            memo.forget("links", "radiance", "neighbours")
             changed = edit.bricks if edit else None
             for share in self._voxelize.run(
                 geometry, materials, self._materials, has_faces=features.needs_radiance, changed=changed
@@ -285,7 +303,7 @@ class Pipeline:
             changes = None
             if edit and self._voxelize.numbers_before is not None:
                 changes = FaceChanges(
-                    self.gpu, self._voxelize.numbers_before, faces_before, edit.ray_boxes, edit.brick_boxes
+                    self.gpu, self._voxelize.numbers_before, faces_before, edit.ray_boxes, edit.cell_boxes
                 )
             try:
                 yield from self._light_voxels(features, before, changes, redone)
@@ -321,12 +339,8 @@ class Pipeline:
             self._reflect.release()
         self._camera = CameraRays.of(scene.camera, grid, size)
         self._start_history(scene, settings, size, follows=follows)
-        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0)
-        if self.gpu.mgl.error == "GL_OUT_OF_MEMORY":
-            raise MemoryError(
-                "the graphics device has too little memory for this render: lower the voxel resolution, the resolution "
-                "or the sizes of images"
-            )
+        self.film.start(size, self._wanted, adaptive=settings.noise_threshold > 0.0 and "combined" in self._wanted)
+        self.gpu.check()
         yield Progress(1.0, "Ready")
 
     def _edit(self, scene: SceneData, grid: VoxelGrid) -> Edit | None:
@@ -345,14 +359,8 @@ class Pipeline:
         self._links.release()
         self._inject.release()
         self._bounce.release()
-        self._memo.forget("links", "radiance")
-
-    def _release_voxels(self) -> None:
-        self._release_light()
-        self._guides.release()
-        self._cones.release()
-        self._voxelize.release()
-        self._memo.forget("guides", "cones", "voxels")
+        self._neighbours.release()
+        self._memo.forget("links", "radiance", "neighbours")
 
     def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
         """Light at pixels stays right while all but the camera stays; outputs say which kinds of it are kept."""
@@ -391,7 +399,13 @@ class Pipeline:
             redone["linked_faces"] = self._links.linked
         if not features.needs_links:
             self._links.release()
-            memo.forget("links")
+            self._neighbours.release()
+            memo.forget("links", "neighbours")
+        elif self._is_live and memo.stale("neighbours"):
+            kept = None if before.stale("neighbours") else changes
+            for _ in self._neighbours.run(voxels, kept):
+                yield Progress(0.8, "Lighting voxels")
+            memo.done("neighbours")
         light = (
             settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.needs_links, drawn,
             world_drawn,
@@ -407,7 +421,7 @@ class Pipeline:
             else:
                 self._inject.release()
             passed = self._links if features.needs_links else None
-            for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
+            for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings, self._neighbours.sharing):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
             if not self._is_live:
                 self._inject.release()  # whatever changes the light injects it anew
@@ -417,7 +431,18 @@ class Pipeline:
     # Picture ----------------------------------------------------------------------------------------------------
 
     def sample(self) -> Iterator[Progress]:
-        """Add one pass to the film. ``prepare`` must have been run to its end."""
+        """Add one pass to the film. ``prepare`` must have been run to its end.
+
+        Raises PipelineError, MemoryError, ShaderError, GpuUnavailable; ``prepare`` must be run again then.
+        """
+        before = self.gpu.alive()
+        try:
+            yield from self._sample()
+        except Exception:
+            self._give_up(before)
+            raise
+
+    def _sample(self) -> Iterator[Progress]:
         scene, settings, features = self._scene, self._settings, self.features
         geometry, voxels, materials = self._geometry.geometry, self._voxelize.voxels, self._materials.set
         if scene is None or features is None or geometry is None or voxels is None or materials is None:
@@ -428,13 +453,17 @@ class Pipeline:
         surface = self._surface.pictures
         assert surface is not None
         frame = Frame(index, sample, gather, camera, offset, surface, features, settings, self.film.active_tiles)
+        radiance = self._bounce.radiance[0] if features.needs_radiance else None
+        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones, self._guides)
+        if self._wanted <= set(VOXEL_VIEWS):
+            self.film.add(frame, lit, scene, PixelLight())
+            yield Progress(1.0, "Pass done")
+            return
         surfaces = Surfaces(geometry, voxels, materials, self._materials)
         for share in self._surface.run(surfaces, frame.view):
             yield Progress(0.2 * share, "Surfaces")
         if features.has_visible_lights:
             self._surface.show_lights(self._lights, frame.view, settings)
-        radiance = self._bounce.radiance[0] if features.needs_radiance else None
-        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones, self._guides)
         splits = self.film.splits_light
         if features.has_direct:
             for share in self._direct.run(frame, lit):
@@ -471,6 +500,7 @@ class Pipeline:
                     yield Progress(0.97 + 0.03 * share, "Indirect light")
         at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
         self.film.add(frame, lit, scene, at_pixels)
+        self.gpu.check()
         yield Progress(1.0, "Pass done")
 
     # Report -----------------------------------------------------------------------------------------------------
@@ -509,6 +539,7 @@ class Pipeline:
             self._cones,
             self._guides,
             self._bounce,
+            self._neighbours,
             self._inject,
             self._links,
             self._lights,

@@ -221,7 +221,7 @@ class Settings:
     bounce_rays: int = _setting(
         "Rays per Face",
         8,
-        "Directions in which each voxel face sees others; rounded up to a multiple of four.",
+        "Directions in which each voxel face sees others; rounded up to a multiple of four. More where faces are few.",
         Panel.LIGHT,
         lo=1,
         hi=256,
@@ -363,10 +363,13 @@ class Settings:
     viewport_pass: str = _setting(
         "Pass",
         "COMBINED",
-        "What a viewport shows: the picture, or a part of its light or a property of what is seen.",
+        "What a viewport shows: the picture, a part of its light, a property of what is seen, or voxels.",
         Panel.VIEWPORT,
         choices=(
             ("COMBINED", "Combined", "The picture"),
+            ("DIRECT", "Direct", "All light straight from where it is made"),
+            ("INDIRECT", "Indirect", "All light that surfaces pass on"),
+            ("SPECULAR", "Specular", "All reflections"),
             ("DIFFUSE_DIRECT", "Diffuse Direct", "Diffuse light straight from where it is made"),
             ("DIFFUSE_INDIRECT", "Diffuse Indirect", "Diffuse light that surfaces pass on"),
             ("GLOSSY_DIRECT", "Glossy Direct", "Reflections of where light is made"),
@@ -377,8 +380,25 @@ class Settings:
             ("NORMAL", "Normal", "Shading normals"),
             ("POSITION", "Position", "Places in the world, in metres"),
             ("DEPTH", "Depth", "Distances from the camera, in metres"),
+            ("SHADOW", "Shadow", "Share of the light of lights that no shadow takes"),
+            ("AMBIENT_OCCLUSION", "Ambient Occlusion", "How free surfaces are as far as Ambient Occlusion > Distance"),
+            ("SAMPLE_COUNT", "Sample Count", "Passes that a pixel has had, of those asked for"),
+            ("VOXELS", "Voxels", "Occupied voxels, or blocks of them: see Voxel Level"),
+            ("VOXEL_ALBEDO", "Voxel Albedo", "What voxel faces reflect"),
+            ("VOXEL_NORMAL", "Voxel Normals", "Normals that voxel faces stand for, from (0, 0, 0) to (1, 1, 1)"),
+            ("VOXEL_RADIANCE", "Voxel Radiance", "Light that leaves voxel faces"),
+            ("VOXEL_OPACITY", "Voxel Opacity", "How much of a voxel's side its surfaces cover"),
+            ("VOXEL_EMISSION", "Voxel Emission", "Light that surfaces in voxels send out themselves"),
         ),
         cost="little",
+    )
+    viewport_level: int = _setting(
+        "Voxel Level",
+        0,
+        "Which blocks pass Voxels shows: of 2^level voxels a side.",
+        Panel.VIEWPORT,
+        lo=0,
+        hi=8,
     )
     time_limit: float = _setting(
         "Time Limit",

@@ -238,12 +238,20 @@ def only_one(version: str) -> Iterator[None]:
         except OSError:
             say(f"Another process is setting up {os.path.basename(environment_folder(version))}; waiting for it.")
             fcntl.flock(file, fcntl.LOCK_EX)
-        yield  # closing the file, or the end of the process, gives the lock back
+        _locks.append(file.fileno())
+        try:
+            yield  # closing the file, or the end of the process and of its installer, gives the lock back
+        finally:
+            _locks.remove(file.fileno())
+
+
+#: Descriptors of locks that are held. Installers inherit them, as they go on where this process alone is killed.
+_locks: list[int] = []
 
 
 def run(command: Sequence[str], **options: Any) -> int:
     """Exit status of a command whose messages go to stderr, so that a script's own stdout stays clean."""
-    return subprocess.run(list(command), stdout=STDERR, check=False, **options).returncode
+    return subprocess.run(list(command), stdout=STDERR, check=False, pass_fds=_locks, **options).returncode
 
 
 def install_with_uv(uv: str, python: str, version: str) -> bool:
@@ -252,7 +260,8 @@ def install_with_uv(uv: str, python: str, version: str) -> bool:
     environ = {**os.environ, "VIRTUAL_ENV": folder}
     made = run([uv, "venv", "--quiet", "--no-project", "--python", python, folder], env=environ) == 0
     return made and run(
-        [uv, "pip", "install", "--python", environment_python(version), "--require-hashes", "-r", lock_file(version)],
+        [uv, "pip", "install", "--compile-bytecode", "--python", environment_python(version), "--require-hashes", "-r",
+         lock_file(version)],
         env=environ,
     ) == 0
 

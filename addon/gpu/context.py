@@ -7,7 +7,7 @@ import contextlib
 import ctypes
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,10 @@ from .program import ShaderError, Source, resolve
 from .state import saved_state
 
 _DISPATCH_INDIRECT_BUFFER = 0x90EE
+
+
+#: What glGetGraphicsResetStatus gives while all is well.
+_NO_ERROR = 0
 
 
 class GpuUnavailable(RuntimeError):
@@ -118,6 +122,10 @@ class GpuContext:
         self._set_viewport = function("glViewport", None, *[ctypes.c_int] * 4)
         image = ctypes.c_uint, ctypes.c_uint, *[ctypes.c_int] * 4
         self._copy_image = function("glCopyImageSubData", None, *image, *image, *[ctypes.c_int] * 3)
+        try:
+            self._reset_status = function("glGetGraphicsResetStatus", ctypes.c_uint)
+        except RuntimeError:  # before OpenGL 4.5, without KHR_robustness
+            self._reset_status = lambda: _NO_ERROR
         self._native = loader.current_context()
 
     # Contexts ---------------------------------------------------------------------------------------------------
@@ -181,7 +189,8 @@ class GpuContext:
                 with self.timed("compile"):
                     shader = self.mgl.compute_shader(source.text)
             except Exception as error:
-                raise ShaderError(_shader_message(source, defines, error)) from error
+                self.check()
+                raise ShaderError(self._shader_message(source, defines, error)) from error
             self._kernels[key] = Kernel(shader, source, self)
         return self._kernels[key]
 
@@ -197,8 +206,16 @@ class GpuContext:
             try:
                 self._programs[key] = self.mgl.program(vertex_shader=vertex.text, fragment_shader=fragment.text)
             except Exception as error:
-                raise ShaderError(_shader_message(fragment, defines, error)) from error
+                self.check()
+                raise ShaderError(self._shader_message(fragment, defines, error)) from error
         return self._programs[key]
+
+    def _shader_message(self, source: Source, defines: Mapping[str, object], error: Exception) -> str:
+        given = ", ".join(f"{key}={value}" for key, value in sorted(defines.items())) or "none"
+        return (
+            f"Shader {source.files[1]} does not compile on this graphics driver ({self.renderer}): update the driver, "
+            f"or report this (defines: {given})\n{source.explain(str(error))}"
+        )
 
     def dispatch(self, shader: moderngl.ComputeShader, x: int, y: int, z: int) -> None:
         """Run this many work groups."""
@@ -240,12 +257,12 @@ class GpuContext:
                 f"{name} needs {size / 2**20:.0f} MiB in one buffer and this driver allows {limit / 2**20:.0f}: "
                 "lower the voxel resolution or simplify the scene"
             )
-        buffer = self.mgl.buffer(reserve=size)
+        buffer: moderngl.Buffer = self.make(name, size, lambda: self.mgl.buffer(reserve=size))
         if raw is None or not raw.nbytes:
             buffer.clear()
         else:
             buffer.write(raw)
-        return self._track(name, buffer, size)
+        return buffer
 
     def texture(
         self,
@@ -259,10 +276,13 @@ class GpuContext:
     ) -> moderngl.Texture:
         """A 2D texture; ``data`` (rows, columns, components) or undefined content."""
         raw = None if data is None else _bytes_of(data)
-        texture = self.mgl.texture(size, components, raw, dtype=dtype, alignment=1)
+        texture: moderngl.Texture = self.make(
+            name, size[0] * size[1] * components * _BYTES[dtype],
+            lambda: self.mgl.texture(size, components, raw, dtype=dtype, alignment=1),
+        )  # fmt: skip
         texture.filter = (moderngl.LINEAR, moderngl.LINEAR) if linear else (moderngl.NEAREST, moderngl.NEAREST)
         texture.repeat_x = texture.repeat_y = False
-        return self._track(name, texture, size[0] * size[1] * components * _BYTES[dtype])
+        return texture
 
     def texture_3d(
         self, name: str, size: tuple[int, int, int], components: int, dtype: str, data: np.ndarray | None = None
@@ -270,10 +290,12 @@ class GpuContext:
         """A 3D texture; ``data`` (z, y, x, components) or zeros."""
         count = size[0] * size[1] * size[2] * components
         raw = bytes(count * _BYTES[dtype]) if data is None else _bytes_of(data)
-        texture = self.mgl.texture3d(size, components, raw, dtype=dtype, alignment=1)
+        texture: moderngl.Texture3D = self.make(
+            name, count * _BYTES[dtype], lambda: self.mgl.texture3d(size, components, raw, dtype=dtype, alignment=1)
+        )
         texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
         texture.repeat_x = texture.repeat_y = texture.repeat_z = False
-        return self._track(name, texture, count * _BYTES[dtype])
+        return texture
 
     def list_texture(
         self, name: str, count: int, components: int, dtype: str, data: np.ndarray | None = None
@@ -298,8 +320,16 @@ class GpuContext:
             rest = len(data) - whole * width
             texture.write(_bytes_of(data[whole * width :]), viewport=(0, whole, rest, 1), alignment=1)
 
-    def adopt(self, name: str, thing: Any, size: int) -> Any:
-        """Count an object that was made otherwise."""
+    def make(self, name: str, size: int, make: Callable[[], Any]) -> Any:
+        """The object that ``make`` makes, of ``size`` bytes, counted. Raises MemoryError where there is no memory."""
+        try:
+            thing = make()
+        except moderngl.Error as error:
+            self.check()
+            raise MemoryError(_no_memory(name, size, f" ({error})")) from error
+        if self.mgl.error == "GL_OUT_OF_MEMORY":  # moderngl does not look
+            thing.release()
+            raise MemoryError(_no_memory(name, size))
         return self._track(name, thing, size)
 
     def _track(self, name: str, thing: Any, size: int) -> Any:
@@ -319,6 +349,24 @@ class GpuContext:
             if self.memory[name] <= 0:
                 del self.memory[name]
             thing.release()
+
+    def alive(self) -> frozenset[int]:
+        """What is there now, for :meth:`free_since`."""
+        return frozenset(self._objects)
+
+    def free_since(self, before: frozenset[int]) -> None:
+        """Free everything made since, also what nobody knows of because its maker failed in the middle."""
+        self.free(*(thing for key, (_, thing, _) in list(self._objects.items()) if key not in before))
+
+    def check(self) -> None:
+        """Raises GpuUnavailable where the device was reset, MemoryError where work since the last call found none."""
+        if self._reset_status() != _NO_ERROR:
+            raise GpuUnavailable(
+                "The graphics driver was reset and what was being rendered is lost: render again; if that happens "
+                "often, lower the resolution or update the driver."
+            )
+        if self.mgl.error == "GL_OUT_OF_MEMORY":
+            raise MemoryError(_no_memory("this render", 0))
 
     @property
     def object_count(self) -> int:
@@ -411,6 +459,9 @@ def _bytes_of(data: np.ndarray | bytes) -> memoryview:
     return np.ascontiguousarray(data).reshape(-1).view(np.uint8).data
 
 
-def _shader_message(source: Source, defines: Mapping[str, object], error: Exception) -> str:
-    given = ", ".join(f"{key}={value}" for key, value in sorted(defines.items())) or "none"
-    return f"shader {source.files[1]} did not compile (defines: {given})\n{source.explain(str(error))}"
+def _no_memory(name: str, size: int, why: str = "") -> str:
+    amount = f" of {size / 2**20:.1f} MiB" if size else ""
+    return (
+        f"There is no memory for {name}{amount} on the graphics device{why}: lower the voxel resolution, "
+        "the resolution or the sizes of images."
+    )

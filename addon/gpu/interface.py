@@ -95,6 +95,7 @@ TEXTURE_ALIASES = {
     "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones adjacent
     "TEX_FACE_SHADING": "TEX_DIFFUSE",  # r32ui list: shading normal (octahedral), where light is received
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
+    "TEX_NEIGHBOURS": "TEX_DIFFUSE",  # r8ui list: lib/neighbour.glsl
     "TEX_REACH": "TEX_FACE_RADIANCE",  # r8ui 3D: 1 for bricks that an edit may have changed shadows in
     "TEX_NUMBERS_BEFORE": "TEX_NORMAL",  # r32ui list: number that each face had; where faces are taken over
     "TEX_NUMBERS_NOW": "TEX_EMISSION",  # r32ui list: number that each face before has

@@ -85,10 +85,12 @@ class ConelightEngine(bpy.types.RenderEngine):
 
     def _render(self, scene: Any, view_layer: Any, result: Any) -> bool:
         """Fills ``result`` and frees GPU memory. Returns False when the user cancelled."""
+        is_done = False
         try:
-            return self._fill(scene, view_layer, result)
+            is_done = self._fill(scene, view_layer, result)
+            return is_done
         finally:
-            self._release(keep=scene.render.use_persistent_data)
+            self._release(keep=is_done and scene.render.use_persistent_data)
 
     def _fill(self, scene: Any, view_layer: Any, result: Any) -> bool:
         current = self._session

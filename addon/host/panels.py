@@ -36,7 +36,10 @@ APPLIES: dict[str, Callable[[Any], bool]] = {
     "shadow_amount": lambda s: s.use_shadows,
     "shadow_mode": lambda s: s.use_shadows,
     "shadow_cone_angle": lambda s: s.use_shadows and s.shadow_mode == "CONE",
-    "ao_distance": lambda s: s.use_indirect and s.gather_mode == "OCCLUSION",
+    "ao_distance": lambda s: (
+        s.viewport_pass == "AMBIENT_OCCLUSION" or (s.use_indirect and s.gather_mode == "OCCLUSION")
+    ),
+    "viewport_level": lambda s: s.viewport_pass == "VOXELS",
 }
 
 #: Blender's panels that do not suit us though they are meant for every engine.

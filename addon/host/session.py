@@ -83,10 +83,11 @@ def is_expected(error: BaseException) -> bool:
     kinds: list[type[BaseException]] = [RenderFailed]
     try:
         from ..gpu.context import GpuUnavailable
+        from ..gpu.program import ShaderError
         from ..pipeline import PipelineError
         from .extract.scene import ExtractionError
 
-        kinds += [GpuUnavailable, PipelineError, ExtractionError]
+        kinds += [GpuUnavailable, PipelineError, ShaderError, ExtractionError]
     except ImportError:
         pass  # then the error is this one, or came before it mattered
     return isinstance(error, tuple(kinds))

@@ -12,9 +12,11 @@ import numpy as np
 
 from ..gpu import interface
 from ..gpu.context import GpuContext
+from ..links import link_count
 from ..settings import Settings
 from .emitters import FACE_SAMPLES, EmitterTable
 from .face_changes import FaceChanges
+from .neighbours import NEIGHBOURS
 from .voxelize import Voxels
 from .world import FACE_SAMPLES as WORLD_SAMPLES
 from .world import WorldLight
@@ -28,13 +30,6 @@ LINKS_PER_STEP = 16
 #: ones would bring is added at once.
 CHECK_EVERY = 4
 CONVERGED = 1e-3
-#: Faces that each asks for their light, by a short ray.
-NEIGHBOURS = 8
-
-
-def link_count(settings: Settings) -> int:
-    """Links of each face: four to a texel."""
-    return -(-settings.bounce_rays // 4) * 4
 
 
 def unpack_light(stored: np.ndarray) -> np.ndarray:
@@ -79,10 +74,13 @@ class LinkPass:
         what a scene that is the same but for an edit keeps of the links there are; None: nothing.
         """
         gpu, slot = self.gpu, interface.slot
+        count = link_count(settings.bounce_rays, voxels.faces.count)
+        if count != self.count:
+            changes = None  # links before were others
         before = (self.links, self.straight) if changes else (None, None)
         if not changes:
             self.release()
-        self.count = link_count(settings)
+        self.count = count
         links = gpu.list_texture("links", voxels.faces.count * self.count // 4, 4, "u4")
         self.links = links
         if world.is_lit or emitters.count:
@@ -172,21 +170,32 @@ class BouncePass:
         self.bounces = 0
 
     def run(
-        self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, settings: Settings
+        self,
+        voxels: Voxels,
+        irradiance: moderngl.Texture | None,
+        links: LinkPass | None,
+        settings: Settings,
+        sharing: moderngl.Texture | None = None,
     ) -> Iterator[float]:
         """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done.
 
         ``irradiance`` None: nothing was injected. ``links`` None: no bounces, only what was injected leaves the faces.
+        ``sharing``: which neighbours share (pass neighbours); None: not known.
         """
         self.release()
         try:
-            yield from self._steps(voxels, irradiance, links, settings)
+            yield from self._steps(voxels, irradiance, links, settings, sharing)
         finally:
             self.gpu.free(*self.radiance[1:])
             del self.radiance[1:]
 
     def _steps(
-        self, voxels: Voxels, irradiance: moderngl.Texture | None, links: LinkPass | None, settings: Settings
+        self,
+        voxels: Voxels,
+        irradiance: moderngl.Texture | None,
+        links: LinkPass | None,
+        settings: Settings,
+        sharing: moderngl.Texture | None,
     ) -> Iterator[float]:
         textures = 2 if links else 1
         self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 2, "u4") for _ in range(textures)]
@@ -209,7 +218,8 @@ class BouncePass:
         if links:
             self._pass(voxels, irradiance, links, first=self.bounces == 0, last=True)  # the last bounce once more
             self.radiance.reverse()
-            for _ in self._share(voxels, irradiance):
+            share = self._share(voxels, irradiance) if sharing is None else self._share(voxels, irradiance, sharing)
+            for _ in share:
                 yield 1.0
 
     def _total(self, faces: int) -> float:
@@ -264,10 +274,15 @@ class BouncePass:
             kernel.run_list(voxels.faces.count)
             gpu.barrier()  # the next bounce and the gather read what this one wrote
 
-    def _share(self, voxels: Voxels, irradiance: moderngl.Texture | None) -> Iterator[float]:
+    def _share(
+        self, voxels: Voxels, irradiance: moderngl.Texture | None, sharing: moderngl.Texture | None = None
+    ) -> Iterator[float]:
         """The second of ``radiance`` holds indirect light; the first gets what faces send. Yields the share done."""
         gpu, slot, count = self.gpu, interface.slot, voxels.faces.count
-        kernel = gpu.kernel("share_faces", voxels.trace_defines | {"HAS_INJECTED": irradiance is not None})
+        kernel = gpu.kernel(
+            "share_faces",
+            voxels.trace_defines | {"HAS_INJECTED": irradiance is not None, "HAS_NEIGHBOURS": sharing is not None},
+        )
         step = max(interface.GROUP_SIZE, RAYS_PER_STEP // NEIGHBOURS)
         for first in range(0, count, step):
             with gpu.timed("share faces"):
@@ -275,6 +290,8 @@ class BouncePass:
                 voxels.faces.bind()
                 if irradiance is not None:
                     irradiance.use(slot("TEX_FACE_IRRADIANCE"))
+                if sharing is not None:
+                    sharing.use(slot("TEX_NEIGHBOURS"))
                 self.radiance[1].use(slot("TEX_FACE_RADIANCE"))
                 self.radiance[0].bind_to_image(slot("IMG_0"), read=False, write=True)
                 kernel.set(face_first=first, face_count=count)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -16,26 +17,43 @@ from ..gpu.context import GpuContext
 from ..scene import FloatArray, SceneData
 from .converge import Convergence
 from .frame import ActiveTiles, Frame, LitVoxels
+from .view import PIXEL_VIEWS, VOXEL_VIEWS, draw_view
 
-#: Name -> channels, and whether it is an average over passes or the first pass's value.
-OUTPUTS: dict[str, tuple[int, bool]] = {
-    "combined": (4, True),
-    "depth": (1, False),
-    "normal": (3, False),
-    "position": (3, False),
-    "diffuse_direct": (3, True),
-    "diffuse_indirect": (3, True),
-    "diffuse_color": (3, True),
-    "glossy_direct": (3, True),
-    "glossy_indirect": (3, True),
-    "glossy_color": (3, True),
-    "emission": (3, True),
-    "environment": (3, True),
+
+class Keeps(enum.Enum):
+    """What an output holds after some passes."""
+
+    MEAN = enum.auto()
+    FIRST = enum.auto()  # the first pass's value
+    LATEST = enum.auto()
+
+
+#: Name -> channels, and what is kept.
+OUTPUTS: dict[str, tuple[int, Keeps]] = {
+    "combined": (4, Keeps.MEAN),
+    "depth": (1, Keeps.FIRST),
+    "normal": (3, Keeps.FIRST),
+    "position": (3, Keeps.FIRST),
+    "diffuse_direct": (3, Keeps.MEAN),
+    "diffuse_indirect": (3, Keeps.MEAN),
+    "diffuse_color": (3, Keeps.MEAN),
+    "glossy_direct": (3, Keeps.MEAN),
+    "glossy_indirect": (3, Keeps.MEAN),
+    "glossy_color": (3, Keeps.MEAN),
+    "emission": (3, Keeps.MEAN),
+    "environment": (3, Keeps.MEAN),
+    # To explain a picture.
+    "direct": (3, Keeps.MEAN),
+    "indirect": (3, Keeps.MEAN),
+    "specular": (3, Keeps.MEAN),
+    "sample_count": (1, Keeps.LATEST),
+    **{name: (1, Keeps.MEAN) for name in PIXEL_VIEWS},
+    **{name: (3, Keeps.MEAN) for name in VOXEL_VIEWS},
 }
 
 
 #: Outputs that tell light straight from where it is made from light that was passed on.
-SPLIT_OUTPUTS = ("diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect")
+SPLIT_OUTPUTS = ("diffuse_direct", "diffuse_indirect", "glossy_direct", "glossy_indirect", "direct", "indirect")
 
 
 #: Outputs whose means hold reflected light, and that are read divided by the mean colour: so their product with
@@ -94,7 +112,9 @@ class Film:
 
     def start(self, size: tuple[int, int], names: Iterable[str], *, adaptive: bool) -> None:
         """Begin again at zero, with these outputs. ``adaptive``: there is a noise threshold."""
-        asked = set(names) | {"combined"}
+        asked = set(names)
+        if adaptive:
+            asked.add("combined")  # whose noise is measured
         if asked & set(DIVIDED_BY_COLOR):
             asked.add("diffuse_color")
         wanted = [name for name in OUTPUTS if name in asked]
@@ -148,10 +168,11 @@ class Film:
         self._weights = [self._weights[0] + weight, self._weights[1] + (weight if self.samples % 2 == 0 else 0.0)]
         with self.gpu.timed("film"):
             for name, picture in self._means.items():
-                if OUTPUTS[name][1]:
+                keeps = OUTPUTS[name][1]
+                if keeps is Keeps.MEAN:
                     self._compose(name, self._value, frame, lit, scene, light)
                     self._accumulate(name, picture, frame, scene.pixel_filter_width)
-                elif self.samples == 0:
+                elif keeps is Keeps.LATEST or self.samples == 0:
                     self._compose(name, picture, frame, lit, scene, light)
             self.samples += 1
             if self._convergence is not None:
@@ -168,6 +189,9 @@ class Film:
     ) -> None:
         """Put what this pass brings to output ``name`` into ``target``."""
         assert target is not None
+        if name in PIXEL_VIEWS or name in VOXEL_VIEWS:
+            draw_view(self.gpu, name, target, frame, lit, scene.exposure)
+            return
         slot, camera, settings, grid = interface.slot, frame.camera, frame.settings, lit.voxels.grid
         defines: dict[str, object] = {f"OUTPUT_{name.upper()}": index for index, name in enumerate(OUTPUTS)}
         defines |= {f"HAS_{name.upper()}": texture is not None for name, texture in vars(light).items()}
@@ -187,6 +211,7 @@ class Film:
             exposure=scene.exposure, film_transparent=scene.film_transparent,
             camera_forward=tuple(camera.forward), camera_position=tuple(camera.position),
             cell_size=grid.cell_size, grid_origin_ws=grid.origin,
+            share_of_samples=min((self.samples + 1) / settings.samples, 1.0),
         )  # fmt: skip
         kernel.run_tiles(*self.size)
         self.gpu.barrier()  # read as a texture, or read back

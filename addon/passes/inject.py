@@ -11,9 +11,9 @@ import numpy as np
 from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
 from ..grid import VoxelGrid
+from ..links import link_count
 from ..scene import AreaShape, LightData, LightKind
 from ..settings import Settings
-from .bounce import link_count
 from .emitters import FACE_SAMPLES, EmitterTable
 from .face_changes import FaceChanges
 from .voxelize import Voxels
@@ -22,6 +22,10 @@ from .world import WorldLight
 
 #: Threads times lights in one dispatch: bounds how long a step takes, so that cancelling is quick.
 WORK_PER_STEP = 1 << 17
+#: Where faces are few, one point of each tells too little of where shadows end: light is looked for at so many points
+#: in all, but at no more than so many of a face.
+POINTS_IN_ALL = 1 << 18
+MOST_POINTS = 8
 
 
 def light_records(lights: Sequence[LightData], grid: VoxelGrid) -> np.ndarray:
@@ -115,6 +119,7 @@ class InjectPass:
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.irradiance: moderngl.Texture | None = None
+        self._numbers = (0, 0)  # points and links of each face, which light is weighed by
         self.lit = 0  # faces that light was traced to, of the last run
 
     def run(
@@ -132,9 +137,16 @@ class InjectPass:
         too; or None. ``changes``: what a scene that is the same but for an edit keeps of the irradiance there is; None:
         nothing.
         """
+        many_lights = lights.count > interface.LIGHT_PICKS  # to ask all of them at each point would take long
+        points = 1 if many_lights else max(1, min(MOST_POINTS, POINTS_IN_ALL // max(voxels.faces.count, 1)))
+        numbers = points, link_count(settings.bounce_rays, voxels.faces.count)
+        if numbers != self._numbers:
+            changes = None  # other points were asked
+        self._numbers = numbers
         before = self.irradiance if changes else None
         if before is None:
             self.release()
+            changes = None
         irradiance = self.gpu.list_texture("face irradiance", voxels.faces.count, 2, "u4")
         self.irradiance = irradiance
         defines = (
@@ -142,7 +154,7 @@ class InjectPass:
             | lights.defines(settings)
             | {
                 "HAS_LIGHTS": lights.count > 0,
-                "HAS_MANY_LIGHTS": lights.count > interface.LIGHT_PICKS,
+                "HAS_MANY_LIGHTS": many_lights,
                 "HAS_EMITTERS": emitters is not None,
                 "WORLD_IS_DRAWN": world is not None,
                 "WORLD_IS_TEXTURE": world is not None,
@@ -181,9 +193,10 @@ class InjectPass:
         counts."""
         lights, emitters, world, settings = sources
         changes, before, reach = taken
-        points = min(lights.count, interface.LIGHT_PICKS)
-        points += (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
-        step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, points))
+        points, links = self._numbers
+        drawn = min(lights.count, interface.LIGHT_PICKS)
+        drawn += (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
+        step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, drawn * points))
         for first in range(0, count, step):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)
@@ -206,7 +219,7 @@ class InjectPass:
                 irradiance.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
                 kernel.set(
                     site_first=first, face_count=count, random_seed=settings.seed,
-                    use_shadows=settings.use_shadows, link_count=link_count(settings),
+                    use_shadows=settings.use_shadows, point_count=points, link_count=links,
                 )  # fmt: skip
                 kernel.run_list(min(step, count - first))
             yield min(1.0, (first + step) / count)

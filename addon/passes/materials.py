@@ -156,10 +156,9 @@ class MaterialPass:
         if key not in self._samplers:
             nearest = (moderngl.NEAREST_MIPMAP_NEAREST, moderngl.NEAREST)
             linear = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
-            self._samplers[key] = self.gpu.mgl.sampler(
+            self._samplers[key] = self.gpu.make("samplers", 0, lambda: self.gpu.mgl.sampler(
                 repeat_x=key[0], repeat_y=key[0], filter=nearest if key[1] else linear
-            )
-            self.gpu.adopt("samplers", self._samplers[key], 0)
+            ))  # fmt: skip
         return self._samplers[key]
 
     def release(self) -> None:
@@ -177,23 +176,21 @@ def upload_image(gpu: GpuContext, image: ImageData) -> moderngl.Texture:
     while max(height, width) > limit:
         pixels = pixels[::2, ::2]
         height, width = pixels.shape[:2]
+    internal = _SRGB8_ALPHA8 if pixels.dtype == np.uint8 and image.encoding is ImageEncoding.SRGB else None
     if pixels.dtype == np.uint8:
-        internal = _SRGB8_ALPHA8 if image.encoding is ImageEncoding.SRGB else None
-        texture = gpu.mgl.texture(
-            (width, height),
-            4,
-            np.ascontiguousarray(pixels).tobytes(),
-            dtype="f1",
-            internal_format=internal,
-            alignment=1,
-        )
-        size = 4
+        stored, dtype, size = np.ascontiguousarray(pixels), "f1", 4
     else:
         most = float(np.finfo(np.float16).max)
         pixels = np.nan_to_num(pixels, posinf=most, neginf=-most)
         fits = bool(np.abs(pixels).max(initial=0.0) <= most)  # the sun in a picture of the sky may not
-        pixels = pixels.astype(np.float16 if fits else np.float32)
-        texture = gpu.mgl.texture((width, height), 4, pixels.tobytes(), dtype="f2" if fits else "f4", alignment=1)
-        size = 8 if fits else 16
-    texture.build_mipmaps()
-    return gpu.adopt("image textures", texture, width * height * size * 4 // 3)
+        stored, dtype, size = (pixels.astype(np.float16), "f2", 8) if fits else (pixels.astype(np.float32), "f4", 16)
+
+    def make() -> moderngl.Texture:
+        texture = gpu.mgl.texture(
+            (width, height), 4, stored.tobytes(), dtype=dtype, internal_format=internal, alignment=1
+        )
+        texture.build_mipmaps()
+        return texture
+
+    made: moderngl.Texture = gpu.make("image textures", width * height * size * 4 // 3, make)
+    return made

@@ -33,7 +33,9 @@ class PresentPass:
             return
         gpu = self.gpu
         if self._vertices is None:
-            self._vertices = gpu.adopt("vertex arrays", gpu.mgl.vertex_array(gpu.program("present"), []), 0)
+            self._vertices = gpu.make(
+                "vertex arrays", 0, lambda: gpu.mgl.vertex_array(gpu.program("present"), [])
+            )
         size: Any = gpu.program("present")["box_size"]
         size.value = box[2:]
         self._picture.use(interface.slot("TEX_VALUE"))

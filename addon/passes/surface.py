@@ -135,9 +135,10 @@ class SurfacePass:
         gpu = self.gpu
         name = "surface pictures"
         self.pictures = SurfacePictures.allocate(gpu, name, size, rays=False)
-        depth = gpu.adopt(name, gpu.mgl.depth_renderbuffer(size), 4 * size[0] * size[1])
-        self._framebuffer = gpu.adopt(name, gpu.mgl.framebuffer([self.pictures.seen], depth), 0)
-        self._depth = gpu.adopt(name, gpu.mgl.framebuffer([], depth), 0)
+        seen = self.pictures.seen
+        depth = gpu.make(name, 4 * size[0] * size[1], lambda: gpu.mgl.depth_renderbuffer(size))
+        self._framebuffer = gpu.make(name, 0, lambda: gpu.mgl.framebuffer([seen], depth))
+        self._depth = gpu.make(name, 0, lambda: gpu.mgl.framebuffer([], depth))
         self._pixels = gpu.buffer("pixel lists", size=4 * size[0] * size[1])
         self._bins = gpu.buffer("pixel lists", size=20 * max(batches, 1))
         self._counters = gpu.buffer("pixel lists", size=4 * max(batches, 4))
@@ -189,7 +190,7 @@ class SurfacePass:
             member.value = tuple(float(c) for c in value)
         for draw in geometry.meshes:
             if draw.vertex_array is None:
-                draw.vertex_array = gpu.adopt("vertex arrays", gpu.mgl.vertex_array(
+                draw.vertex_array = gpu.make("vertex arrays", 0, lambda draw=draw: gpu.mgl.vertex_array(  # type: ignore
                     program,
                     [
                         (draw.positions, "3f4", "position_os"),
@@ -197,7 +198,7 @@ class SurfacePass:
                          "grid_from_object_z", "first_triangle"),
                     ],
                     index_buffer=draw.indices, index_element_size=4,
-                ), 0)  # fmt: skip
+                ))  # fmt: skip
             shown = draw.show(clip_from_grid)
             if shown:
                 draw.vertex_array.render(moderngl.TRIANGLES, instances=shown)

@@ -9,28 +9,44 @@ from typing import Any
 import numpy as np
 import pytest
 
+from addon.edit import Edit, bricks_in, united
 from addon.gpu.context import GpuContext
+from addon.gpu.interface import CHANGED_BOXES
+from addon.materials.graph import MaterialData
 from addon.pipeline import Pipeline
-from addon.scene import LightKind, SceneData
+from addon.scene import LightData, LightKind, RayVisibility, SceneData
 from addon.settings import Settings
 from blender_tests.passes import scenes
-from blender_tests.passes.run import pipeline, prepare, radiance, read_list, read_voxels, sample
+from blender_tests.passes.run import pipeline, prepare, radiance, read_list, read_voxels, sample, unit_grid
 
 SETTINGS = scenes.settings(40, bounces=8)
 SIZE = (24, 18)
 
 
-def room(**more: Any) -> SceneData:
-    """A room with a lamp, a sun through its open side, a box on the floor, a ball and a thin sheet."""
+LAMP = scenes.light(LightKind.POINT, 3.0, (0.9, -1.2, 0.7), radius=0.1)
+
+
+def room(
+    *,
+    lights: tuple[LightData, ...] = (LAMP,),
+    ball: MaterialData | None = None,
+    sheet: MaterialData | None = None,
+    **more: Any,
+) -> SceneData:
+    """A room with a lamp, a box on the floor, a ball, and a thin sheet twice. With a world one side is open."""
+    walls = scenes.box((-2, -2, -1), (2, 2, 1), inside_out=True)
+    if more.get("world"):
+        walls = scenes.mesh(walls.positions, walls.triangle_vertices[1:], "walls")
     parts = [
-        (scenes.box((-2, -2, -1), (2, 2, 1), inside_out=True), scenes.diffuse((0.7, 0.6, 0.5))),
+        (walls, scenes.diffuse((0.7, 0.6, 0.5))),
         (scenes.box((-0.4, -0.4, -1.0), (0.2, 0.3, -0.3)), scenes.diffuse((0.2, 0.7, 0.3))),
-        (scenes.sphere(0.3, 12), scenes.principled((0.8, 0.3, 0.2), Roughness=0.4)),
-        (scenes.plane(0.7), scenes.diffuse(0.5)),
+        (scenes.sphere(0.3, 12), ball or scenes.principled((0.8, 0.3, 0.2), Roughness=0.4)),
+        (scenes.plane(0.7), sheet or scenes.diffuse(0.5)),
     ]
-    lights = (scenes.light(LightKind.POINT, 3.0, (0.9, -1.2, 0.7), radius=0.1),)
     made = scenes.scene(*parts, lights=lights, camera=scenes.camera((0.5, -1.8, 0.2)), **more)
-    places = [np.eye(4), np.eye(4), scenes.at(0.9, 0.4, -0.4), scenes.at(-1.1, 0.8, 0.1)]
+    again = dataclasses.replace(made.instances[3], name="again", random=0.7)
+    made = dataclasses.replace(made, instances=(*made.instances, again))
+    places = [np.eye(4), np.eye(4), scenes.at(0.9, 0.4, -0.4), scenes.at(-1.1, 0.8, 0.1), scenes.at(-1.2, -1.0, -0.6)]
     return placed(made, dict(enumerate(places)))
 
 
@@ -85,6 +101,14 @@ def assert_same(found: dict[str, bytes], wanted: dict[str, bytes]) -> None:
     assert [name for name in wanted if found[name] != wanted[name]] == []
 
 
+def shares(ready: Pipeline) -> dict[str, float]:
+    """Of cells and faces: how many were made again."""
+    voxels = ready._voxelize.voxels
+    assert voxels is not None
+    totals = {"cells": voxels.cell_count, "linked_faces": voxels.faces.count, "lit_faces": voxels.faces.count}
+    return {name: count / totals[name] for name, count in ready.redone.items()}
+
+
 EDITS = {
     "moved": {2: scenes.at(0.7, 0.5, -0.3)},
     "moved far": {2: scenes.at(-1.4, -1.3, 0.5)},
@@ -92,7 +116,10 @@ EDITS = {
     "at a wall": {2: scenes.at(1.69, 0.2, 0.1)},
     "turned": {3: turned(0.7, -1.1, 0.8, 0.1)},
     "scaled": {1: turned(0.0, 0.1, 0.2, 0.1, 0.8)},
+    "mirrored": {3: np.diag([-1.0, 1.0, 1.0, 1.0]) @ scenes.at(1.1, 0.8, 0.1)},
     "two": {2: scenes.at(0.7, 0.1, 0.3), 3: scenes.at(0.3, 0.8, -0.7)},
+    "an instance": {4: scenes.at(-0.8, -0.9, -0.4)},
+    "out of sight": {2: scenes.at(0.3, -0.05, -0.6)},
 }
 
 
@@ -103,4 +130,218 @@ def test_a_moved_object_leaves_the_bits_of_a_fresh_start(edit: str, gpu: GpuCont
     with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
         prepare(ready, moved, SETTINGS, SIZE)
         sample(ready, 1)
+        assert all(0.0 < share < 0.7 for share in shares(ready).values()), shares(ready)
         assert_same(bits(ready), fresh(gpu, moved))
+
+
+def many_lights(count: int) -> tuple[LightData, ...]:
+    rng = np.random.default_rng(3)
+    places = rng.uniform((-1.8, -1.8, 0.2), (1.8, 1.8, 0.9), (count, 3))
+    return tuple(scenes.light(LightKind.POINT, 0.3, tuple(place), radius=0.02) for place in places)
+
+
+VARIANTS = {
+    "world": {"world": scenes.world((0.4, 0.5, 0.7))},
+    "sun": {
+        "lights": (scenes.light(LightKind.SUN, 2.0, direction=(0.4, 0.9, -0.3), angle=0.1),),
+        "world": scenes.world(0.1),
+    },
+    "spot": {
+        "lights": (
+            scenes.light(LightKind.SPOT, 5.0, (0.9, -0.9, 0.9), (0.0, 0.6, -1.0), spot_angle=1.2, radius=0.2),
+        ),
+    },
+    "area": {"lights": (scenes.light(LightKind.AREA, 4.0, (0.0, 0.0, 0.95), size=(0.8, 0.3)), LAMP)},
+    "many lights": {"lights": many_lights(20)},
+    "transparent": {"ball": scenes.principled(0.8, Alpha=0.4)},
+    "a moved emitter": {"ball": scenes.glowing(0.5, (4.0, 3.0, 2.0))},
+    "a still emitter": {"sheet": scenes.emission(3.0)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_whatever_lights_the_scene(variant: str, gpu: GpuContext) -> None:
+    made = room(**VARIANTS[variant])
+    first, second = placed(made, EDITS["moved"]), placed(made, EDITS["moved far"])
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        for moved in (first, second):  # one edit on the other
+            prepare(ready, moved, SETTINGS, SIZE)
+            sample(ready, 1)
+            assert 0.0 < shares(ready)["cells"] < 0.5
+        assert_same(bits(ready), fresh(gpu, second))
+
+
+def test_back_and_forth_is_where_it_began(gpu: GpuContext) -> None:
+    made = room()
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        wanted = bits(ready)
+        for moved in (placed(made, EDITS["two"]), made):
+            prepare(ready, moved, SETTINGS, SIZE)
+            sample(ready, 1)
+        assert_same(bits(ready), wanted)
+
+
+def other_materials(made: SceneData) -> SceneData:
+    """The ball gets the material of the box."""
+    instances = list(made.instances)
+    instances[2] = dataclasses.replace(instances[2], materials=instances[1].materials)
+    return dataclasses.replace(made, instances=tuple(instances))
+
+
+def other_shape(made: SceneData) -> SceneData:
+    """Vertices of the ball were moved."""
+    meshes = list(made.meshes)
+    ball = meshes[made.instances[2].mesh]
+    positions = ball.positions * np.array([0.9, 0.5, 0.7], np.float32)
+    meshes[made.instances[2].mesh] = dataclasses.replace(ball, positions=positions)
+    return dataclasses.replace(made, meshes=tuple(meshes))
+
+
+def unseen_by_light(made: SceneData) -> SceneData:
+    instances = list(made.instances)
+    visibility = RayVisibility.ALL & ~RayVisibility.SHADOW & ~RayVisibility.CAMERA
+    instances[2] = dataclasses.replace(instances[2], visibility=visibility)
+    return dataclasses.replace(made, instances=tuple(instances))
+
+
+@pytest.mark.parametrize("edit", [other_materials, other_shape, unseen_by_light])
+def test_edits_that_move_nothing(edit: Any, gpu: GpuContext) -> None:
+    made = room()
+    edited = edit(made)
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        prepare(ready, edited, SETTINGS, SIZE)
+        sample(ready, 1)
+        assert all(0.0 < share < 0.5 for share in shares(ready).values()), shares(ready)
+        assert_same(bits(ready), fresh(gpu, edited))
+
+
+def removed(made: SceneData) -> SceneData:
+    return dataclasses.replace(made, instances=(*made.instances[:2], *made.instances[3:]))
+
+
+def beyond(made: SceneData) -> SceneData:
+    """Out of the room: the grid grows."""
+    return placed(made, {2: scenes.at(2.5, 0.0, 0.0)})
+
+
+@pytest.mark.parametrize("edit", [removed, beyond])
+def test_other_numbers_and_another_grid_are_a_fresh_start(edit: Any, gpu: GpuContext) -> None:
+    made = room()
+    edited = edit(made)
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        prepare(ready, edited, SETTINGS, SIZE)
+        sample(ready, 1)
+        assert set(shares(ready).values()) == {1.0}
+        assert_same(bits(ready), fresh(gpu, edited))
+
+
+def test_a_light_and_an_object_at_once(gpu: GpuContext) -> None:
+    made = room()
+    light = scenes.light(LightKind.POINT, 2.0, (-0.5, 1.2, 0.6), radius=0.1)
+    edited = dataclasses.replace(placed(made, EDITS["moved"]), lights=(light,))
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        prepare(ready, edited, SETTINGS, SIZE)
+        sample(ready, 1)
+        assert shares(ready)["lit_faces"] == 1.0 and shares(ready)["linked_faces"] < 0.7
+        assert_same(bits(ready), fresh(gpu, edited))
+
+
+def test_an_interrupted_edit_shows_nowhere(gpu: GpuContext) -> None:
+    made = room()
+    first, second = placed(made, EDITS["moved"]), placed(made, EDITS["turned"])
+    wanted = fresh(gpu, second)
+    steps = 0
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        while True:
+            steps += 3
+            half = ready.prepare(first, SETTINGS, SIZE)
+            count = sum(1 for _, _ in zip(half, range(steps), strict=False))
+            half.close()
+            prepare(ready, second, SETTINGS, SIZE)
+            sample(ready, 1)
+            assert_same(bits(ready), wanted)
+            if count < steps:
+                break
+
+
+def test_a_render_keeps_nothing_for_edits(gpu: GpuContext) -> None:
+    """It takes over voxels and links all the same: frames of an animation are edits too."""
+    made = room()
+    moved = placed(made, EDITS["moved"])
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1) as ready:
+        before = dict(gpu.memory)
+        assert "face irradiance" not in before
+        prepare(ready, moved, SETTINGS, SIZE)
+        sample(ready, 1)
+        assert gpu.memory.keys() == before.keys()
+        assert shares(ready)["lit_faces"] == 1.0 and shares(ready)["cells"] < 0.3
+        assert_same(bits(ready), fresh(gpu, moved))
+
+
+def test_without_light_on_surfaces_lists_are_taken_over(gpu: GpuContext) -> None:
+    settings = dataclasses.replace(SETTINGS, gather_mode="OCCLUSION")
+    made = room(ball=scenes.principled(0.8, Alpha=0.4))
+    moved = placed(made, EDITS["moved"])
+
+    def found(ready: Pipeline) -> tuple[bytes, ...]:
+        voxels = ready._voxelize.voxels
+        assert voxels is not None and voxels.lit_faces is None and voxels.cell_opacities is not None
+        records = read_list(voxels.cells, voxels.cell_count, np.uint32)
+        triangles = read_list(voxels.cell_triangles, voxels.pair_count, np.uint32)[:, 0]
+        order = np.lexsort((triangles, np.repeat(np.arange(len(records)), records[:, 1])))
+        opacities = read_list(voxels.cell_opacities, voxels.pair_count, np.uint8)[:, 0]
+        return (
+            voxels.bricks.read(), records.tobytes(), triangles[order].tobytes(), opacities[order].tobytes(),
+            ready.film.read("combined").tobytes(),
+        )  # fmt: skip
+
+    with pipeline(gpu, made, settings, SIZE, samples=1) as ready:
+        prepare(ready, moved, settings, SIZE)
+        sample(ready, 1)
+        assert 0 < ready.redone["cells"] < 0.3 * ready._voxelize.voxels.cell_count  # type: ignore[union-attr]
+        after = found(ready)
+    with pipeline(gpu, moved, settings, SIZE, samples=1) as ready:
+        assert after == found(ready)
+
+
+@pytest.mark.parametrize(("name", "lost"), [("ray_boxes", {"light"}), ("cell_boxes", {"links"})])
+def test_boxes_decide_what_is_traced_again(
+    name: str, lost: set[str], gpu: GpuContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With boxes elsewhere what is taken over is wrong: the tests above would see it."""
+    made = room()
+    moved = placed(made, EDITS["moved far"])
+    monkeypatch.setattr(Edit, name, property(lambda self: np.zeros((1, 2, 3))))
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        prepare(ready, moved, SETTINGS, SIZE)
+        sample(ready, 1)
+        found, wanted = bits(ready), fresh(gpu, moved)
+    assert lost <= {key for key in wanted if found[key] != wanted[key]}
+
+
+def test_nothing_that_was_edited_does_nothing(gpu: GpuContext) -> None:
+    made = room()
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        gpu.times.clear()
+        prepare(ready, dataclasses.replace(made, exposure=2.0), SETTINGS, SIZE)
+        assert not {"geometry", "voxelize", "link", "inject", "bounce"} & set(gpu.times)
+
+
+def test_united_boxes_hold_all() -> None:
+    rng = np.random.default_rng(1)
+    low = rng.uniform(0.0, 100.0, (77, 3))
+    boxes = np.stack([low, low + rng.uniform(0.0, 5.0, (77, 3))], axis=1)
+    few = united(boxes, CHANGED_BOXES)
+    assert len(few) <= CHANGED_BOXES
+    inside = (boxes[:, None, 0] >= few[None, :, 0]).all(-1) & (boxes[:, None, 1] <= few[None, :, 1]).all(-1)
+    assert inside.any(axis=1).all()
+    assert np.prod(few[:, 1] - few[:, 0], axis=1).sum() < 0.5 * 105.0**3
+    assert united(boxes[:0], 4).shape == (0, 2, 3) and np.array_equal(united(boxes[:3], 4), boxes[:3])
+    beside = np.array([[[0, 0, 0], [4, 4, 4]], [[1, 0, 0], [5, 4, 4]]], float)
+    assert united(beside, 4).tolist() == [[[0, 0, 0], [5, 4, 4]]]
+
+
+def test_bricks_in_boxes() -> None:
+    grid = unit_grid((16, 8, 12))
+    marks = bricks_in(np.array([[[3.9, 0.0, 4.0], [4.1, 3.9, 4.0]], [[-5.0, 7.0, 11.9], [-1.0, 9.0, 30.0]]]), grid)
+    assert {tuple(at[::-1]) for at in np.argwhere(marks).tolist()} == {(0, 0, 1), (1, 0, 1)}

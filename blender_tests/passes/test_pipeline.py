@@ -160,7 +160,7 @@ def test_voxels_that_do_not_fit_become_coarser(
     def refusing(self: GpuContext, name: str, count: int, *arguments: Any) -> Any:
         if name == "links":
             tried.append(count)
-            if count > 40_000:
+            if count > 90_000:
                 raise MemoryError("links are too many")
         return original(self, name, count, *arguments)
 

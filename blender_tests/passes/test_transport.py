@@ -173,6 +173,22 @@ def test_form_factor_of_parallel_squares(gpu: GpuContext) -> None:
         assert mean == pytest.approx(0.19982, rel=0.02)
 
 
+@pytest.mark.parametrize("edge", [-0.2, -0.1, 0.2])
+def test_coarse_voxels_know_where_shadows_end(edge: float, gpu: GpuContext) -> None:
+    """A floor half in the shade of an edge that lies anywhere in its voxels: on few faces, too, the light in all is
+    what falls on the lit part."""
+    shade = scenes.mesh([[-1, -1, 0.5], [edge, -1, 0.5], [edge, 1, 0.5], [-1, 1, 0.5]], [[0, 1, 2], [0, 2, 3]])
+    made = scenes.scene(
+        (scenes.plane(2.0), scenes.diffuse(1.0)), (shade, scenes.diffuse(0.0)),
+        lights=[scenes.light(LightKind.SUN, np.pi, direction=(0.0, 0.0, -1.0))],
+    )  # fmt: skip
+    with pipeline(gpu, made, scenes.settings(8, bounces=0), samples=0) as ready:
+        faces = read_voxels(ready._voxelize.voxels, ready._geometry.geometry).faces  # type: ignore[arg-type]
+        floor = (faces["facing"] == 4) & (faces["reflectance"][:, 0] > 0.5)
+        found = np.average(radiance(ready)[floor, 0], weights=faces["weight"][floor])
+    assert found == pytest.approx(0.5 * (1.0 - edge), abs=0.012)
+
+
 # Pictures -------------------------------------------------------------------------------------------------------
 
 

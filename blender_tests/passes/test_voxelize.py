@@ -244,6 +244,17 @@ def test_two_sheets_in_one_cell_keep_their_colours(gpu: GpuContext) -> None:
             np.testing.assert_allclose(faces["position"][:, 2], height, atol=1e-3)
 
 
+def test_slivers_are_not_black(gpu: GpuContext) -> None:
+    """Too little area to count, each alone in its cell: on average they have the colour of their material."""
+    place = np.stack(np.meshgrid(*[np.arange(1, 15)] * 2, [1, 4, 7, 10, 13]), axis=-1).reshape(-1, 3) + 0.5
+    corners = np.array([[0.0, 0.0, 0.0], [2e-3, 0.0, 0.0], [0.0, 2e-3, 0.0]])  # 2e-6 of the side of a cell
+    made = scenes.scene((scenes.soup(place[:, None] + corners), scenes.diffuse((0.8, 0.5, 0.2))))
+    with voxelized(gpu, made, unit_grid(16)) as found:
+        up = found.faces["facing"] == 4
+        assert up.sum() == len(place)
+        np.testing.assert_allclose(found.faces["reflectance"][up].mean(axis=0), [0.8, 0.5, 0.2], atol=0.07)
+
+
 def test_instances_are_transformed(gpu: GpuContext) -> None:
     """Scaled, mirrored and far-away placements of one mesh: area by the scale, facings by the mirror."""
     shape = scenes.plane(2.0)

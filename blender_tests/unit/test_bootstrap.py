@@ -221,6 +221,48 @@ def test_two_at_once_make_one_environment(
     assert "waiting for it" in capsys.readouterr().err
 
 
+def test_a_setup_that_was_killed_is_mended(checkout: pathlib.Path) -> None:
+    """Its installer lives on and writes: the next one waits for it, and starts over."""
+    folder, step = checkout / f".venv-{HERE}", checkout / "step"
+    installer = f"""
+import pathlib, sys, time
+folder = pathlib.Path(sys.argv[1])
+(folder / "bin").mkdir(parents=True)
+pathlib.Path({str(step)!r}).touch()
+time.sleep(1.0)
+(folder / ("late " + sys.argv[2])).touch()
+(folder / "bin" / "python").touch(mode=0o755)
+"""
+    code = f"""
+import sys
+import _bootstrap
+_bootstrap.ROOT = {str(checkout)!r}
+_bootstrap.shutil.which = lambda name: None
+def install(python, version):
+    command = [sys.executable, "-c", {installer!r}, _bootstrap.environment_folder(version), sys.argv[1]]
+    if _bootstrap.run(command) != 0:
+        sys.exit("the installer found what it did not expect")
+_bootstrap.install_with_pip = install
+_bootstrap.set_up(sys.executable, {HERE!r})
+"""
+    environ = {**os.environ, "PYTHONPATH": str(ROOT / "scripts")}
+    first = subprocess.Popen([sys.executable, "-c", code, "first"], stderr=subprocess.DEVNULL, env=environ)
+    for _ in range(1000):
+        if step.exists():
+            break
+        time.sleep(0.02)
+    first.kill()
+    first.wait()
+    assert not _bootstrap.is_complete(HERE) and not list(folder.glob("late *"))
+    second = subprocess.run(
+        [sys.executable, "-c", code, "second"], capture_output=True, text=True, env=environ, timeout=60, check=False
+    )
+    assert second.returncode == 0, second.stderr
+    assert "waiting for it" in second.stderr
+    assert _bootstrap.is_complete(HERE)
+    assert [path.name for path in folder.glob("late *")] == ["late second"]
+
+
 def test_an_environment_whose_python_is_gone_is_not_complete(
     checkout: pathlib.Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -24,18 +24,20 @@ def test_defaults() -> None:
     assert parsed.preset is None
     assert parsed.assignments == ()
     assert not parsed.passes
+    assert not parsed.enable_autoexec
 
 
 def test_everything_together() -> None:
     parsed = arguments.parse(
         "a.usdz -o out/b.EXR --engine cycles --preset final --resolution 64x36 --samples 3 --voxels 48 --camera Cam "
         "--frames 2-5 --view-layer Front --passes --set bounces=3 --set shadow_mode=CONE --stats s.json "
-        "--time-limit 2.5".split()
+        "--time-limit 2.5 --skip-existing --enable-autoexec".split()
     )
     assert parsed == arguments.Arguments(
         scene="a.usdz", output="out/b.EXR", engine="cycles", preset="final", resolution=(64, 36), samples=3, voxels=48,
         camera="Cam", frames=(2, 5), view_layer="Front", passes=True,
-        assignments=(("bounces", "3"), ("shadow_mode", "CONE")), stats="s.json", time_limit=2.5, list_settings=False,
+        assignments=(("bounces", "3"), ("shadow_mode", "CONE")), stats="s.json", time_limit=2.5, skip_existing=True,
+        enable_autoexec=True, list_settings=False,
     )
 
 
@@ -55,6 +57,7 @@ def test_preset_names_are_those_of_the_settings() -> None:
     "texts, words",
     [
         ([], "no SCENE given"),
+        (["a.obj", "--skip-existing"], "--skip-existing needs --frames"),
         (["scene.fbx"], "'scene.fbx': unknown extension '.fbx'; known: .blend"),
         (["scene"], "unknown extension ''"),
         (["a.obj", "-o", "b.gif"], "'b.gif': unknown extension '.gif'; known: .exr .png"),

@@ -19,6 +19,7 @@ from addon.grid import (
     measure_surfaces,
     scene_bounds,
 )  # fmt: skip
+from addon.links import link_count
 from addon.settings import Settings
 from blender_tests.passes import scenes
 
@@ -131,3 +132,16 @@ def test_measure_of_many_instances_is_the_sum_of_each() -> None:
     lows, highs = zip(*(box for box in boxes if box is not None), strict=True)
     bounds = [np.min(lows, axis=0), np.max(highs, axis=0)]
     np.testing.assert_allclose(scene_bounds(scenes.scene(*objects)), bounds)
+
+
+def test_links() -> None:
+    """As set, four to a texel; more where faces are few, up to a limit."""
+    assert [link_count(n, 1e7) for n in (1, 4, 5, 8, 255)] == [4, 4, 8, 8, 256]
+    assert [link_count(4, n) for n in (0, 1, 1000, 10_000, 40_000, 60_000, 70_000)] == [64, 64, 64, 28, 8, 4, 4]
+    assert link_count(128, 1000) == 128
+
+
+def test_few_faces_have_more_links_in_the_estimate() -> None:
+    """With 64 links for a face the memory is what it is when so many are asked for."""
+    few = SurfaceMeasure(24.0)
+    assert estimate_memory(8, (2.0, 2.0, 2.0), few, 4) == estimate_memory(8, (2.0, 2.0, 2.0), few, 64)

@@ -46,6 +46,8 @@ class Arguments(NamedTuple):
     assignments: Tuple[Tuple[str, str], ...]
     stats: Optional[str]
     time_limit: Optional[float]
+    skip_existing: bool
+    enable_autoexec: bool
     list_settings: bool
 
 
@@ -117,6 +119,9 @@ def parser() -> argparse.ArgumentParser:
         help="any setting of --list-settings; may be repeated")
     add("--stats", metavar="FILE.json", help="write times, memory and what was used, as one JSON object")
     add("--time-limit", metavar="SECONDS", type=_seconds, help="stop after this time with the passes done so far")
+    add("--skip-existing", action="store_true", help="with --frames: leave out frames whose file is there already")
+    add("--enable-autoexec", action="store_true",
+        help="trust SCENE: scripts and drivers in it run, and it may write where it says (default: neither)")
     add("--list-settings", action="store_true", help="list all settings with default, range and cost, and stop")
     return made
 
@@ -147,6 +152,8 @@ def _check_files(made: argparse.ArgumentParser, values: argparse.Namespace) -> N
         made.error(f"output '{values.output}': unknown extension '{extension}'; known: {' '.join(PICTURE_FORMATS)}")
     if values.passes and extension != ".exr":
         made.error(f"output '{values.output}': --passes needs a file that ends in .exr")
+    if values.skip_existing and values.frames is None:
+        made.error("--skip-existing needs --frames")
 
 
 def frame_path(output: str, frame: int) -> str:

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
-import glob
+import compileall
 import os
+import signal
 import sys
+import tempfile
 import time
 import traceback
 from collections.abc import Callable
@@ -20,12 +22,16 @@ if TYPE_CHECKING:
     from .engines import Choices, Engine
 
 
+ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+
+
 def main(arguments: Arguments) -> NoReturn:
     """Renders, says what went wrong if something did, and ends the process."""
+    process.isolate_blender()
+    process.go_on_in_child(lambda child, number, doing: report_death(arguments, child, number, doing))
     process.end_on_signals()
-    sys.path.insert(0, os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__)))))
+    sys.path.insert(0, ROOT)
     try:
-        process.isolate_blender()
         if arguments.list_settings:
             from . import settings_table
 
@@ -44,6 +50,20 @@ def main(arguments: Arguments) -> NoReturn:
     process.leave(status)
 
 
+def report_death(arguments: Arguments, child: int, number: int, doing: str) -> None:
+    """Says how the process ended that Blender ran in, and removes what it left. ``number``: of the signal, or 0."""
+    from .output import remove_temporary
+
+    for path, _ in output_files(arguments):
+        remove_temporary(path, child)
+    if number == signal.SIGKILL:
+        how = "was killed from outside (as happens where memory runs out)"
+    else:
+        how = f"crashed ({signal.Signals(number).name})" if number else "ended without a word"
+    say(f"render: '{arguments.scene}' could not be rendered: Blender {how} while {doing}; "
+        f"{VERBOSE_VARIABLE}=1 shows what it printed")
+
+
 def fail(error: CommandError) -> NoReturn:
     """Says what went wrong and ends the process."""
     say(f"render: {error}")
@@ -59,13 +79,15 @@ def render(arguments: Arguments) -> None:
         check_writable(path, what)
     if not os.path.isfile(arguments.scene):
         raise CommandError(f"scene file '{arguments.scene}' does not exist")
+    if not arguments.enable_autoexec:
+        confine_writing(arguments)
     with only_our_messages():
         choices = checked_choices(arguments)
         scene, engine, warnings = prepare(arguments, choices)
         frames: list[dict[str, Any]] = []
         first_frame_ms = 0.0
-        first, last = arguments.frames or (scene.frame_current, scene.frame_current)
-        progress = Progress(last - first + 1)
+        wanted = frames_to_render(arguments)
+        progress = Progress(len(wanted) if arguments.frames else 1)
 
         def written(path: str, statistics: dict[str, Any]) -> None:
             nonlocal first_frame_ms
@@ -79,12 +101,52 @@ def render(arguments: Arguments) -> None:
                     say(text)
 
         if arguments.frames:
-            render_animation(scene, engine, arguments.output, arguments.frames, progress, written)
+            for run in runs(wanted):
+                render_animation(scene, engine, arguments.output, run, progress, written)
         else:
             written(arguments.output, render_still(scene, engine, arguments.output, progress))
         progress.close()
         if arguments.stats:
             write_statistics(arguments, scene, frames, started, first_frame_ms, warnings)
+
+
+def frames_to_render(arguments: Arguments) -> list[int]:
+    """Frames of an animation whose file is not to be skipped, in order; empty for a still."""
+    if arguments.frames is None:
+        return []
+    first, last = arguments.frames
+    frames = list(range(first, last + 1))
+    if not arguments.skip_existing:
+        return frames
+    missing = [frame for frame in frames if not os.path.isfile(frame_path(arguments.output, frame))]
+    if len(missing) < len(frames):
+        say(f"{len(frames) - len(missing)} of {len(frames)} frames are there already")
+    return missing
+
+
+def runs(frames: list[int]) -> list[tuple[int, int]]:
+    """First and last of each run of frames without a gap.
+
+    >>> runs([1, 2, 5])
+    [(1, 2), (5, 5)]
+    """
+    found: list[tuple[int, int]] = []
+    for frame in frames:
+        if found and found[-1][1] == frame - 1:
+            found[-1] = found[-1][0], frame
+        else:
+            found.append((frame, frame))
+    return found
+
+
+def confine_writing(arguments: Arguments) -> None:
+    """From now on only the folders of what was asked for can be written to, whatever the scene file says."""
+    from .confinement import confine_writing
+
+    for folder in ("addon", "scripts"):
+        compileall.compile_dir(os.path.join(ROOT, folder), quiet=2)  # Python cannot store it itself from now on
+    outputs = [os.path.dirname(os.path.abspath(path)) for path, _ in output_files(arguments)]
+    confine_writing([*outputs, tempfile.gettempdir()])
 
 
 def output_files(arguments: Arguments) -> list[tuple[str, str]]:
@@ -111,8 +173,11 @@ def prepare(arguments: Arguments, choices: Choices) -> tuple[Any, Engine, list[s
     from . import scene as scene_files
 
     engine = engines.create(arguments.engine, choices)
-    scene = scene_files.load(arguments.scene)
     messages: list[str] = []
+    process.now_does("reading the file")
+    scene = scene_files.load(arguments.scene, trusted=arguments.enable_autoexec)
+    if not arguments.enable_autoexec:
+        messages += scene_files.without_other_outputs(arguments.scene)
     if arguments.resolution:
         scene.render.resolution_x, scene.render.resolution_y = arguments.resolution
         scene.render.resolution_percentage = 100
@@ -174,14 +239,17 @@ def render_still(scene: Any, engine: Engine, path: str, progress: Progress) -> d
     from .output import replacing
 
     before = cpu_milliseconds()
+    process.now_does("rendering")
     call_blender(scene, engine, progress, lambda: scene.frame_current)
+    process.now_does("writing the picture")
     # Blender may only be asked to write what is there: it crashes when an engine failed before it began a result.
     statistics = engine.frame_statistics(cpu_milliseconds() - before)
     with replacing(path, "output") as temporary:
         try:
             bpy.data.images["Render Result"].save_render(temporary, scene=scene)
         except (KeyError, RuntimeError) as error:
-            raise CommandError(f"output '{path}' could not be written: {reason(error)}") from error
+            why = reason(error).replace(temporary, path)
+            raise CommandError(f"output '{path}' could not be written: {why}") from error
         if not os.path.exists(temporary):
             raise CommandError(f"output '{path}' was not written; {VERBOSE_VARIABLE}=1 shows what Blender printed")
     return statistics
@@ -198,14 +266,13 @@ def render_animation(
     import bpy
 
     from .engines import cpu_milliseconds
-    from .output import replacing
+    from .output import remove_temporary, replacing, temporary_path
 
     scene.frame_start, scene.frame_end = frames
     scene.frame_step = 1
     scene.render.use_overwrite, scene.render.use_placeholder = True, False
-    folder, extension = os.path.dirname(os.path.abspath(output)), os.path.splitext(output)[1]
-    scene.render.filepath = os.path.join(folder, f".{os.getpid()}.#######.part{extension}")
-    process.at_end(lambda: remove_files(f"{glob.escape(folder)}/.{os.getpid()}.*.part{extension}"))  # of a broken frame
+    scene.render.filepath = temporary_path(output, "#######.")
+    process.at_end(lambda: remove_temporary(output, os.getpid()))  # of a broken frame
     frame, before = frames[0], cpu_milliseconds()
 
     def frame_written(*_: Any) -> None:
@@ -219,8 +286,10 @@ def render_animation(
             fail(error)  # Blender would go on with the next frame
         written(path, statistics)
         frame, before = frame + 1, cpu_milliseconds()
+        process.now_does(f"rendering frame {frame}")
 
     bpy.app.handlers.render_write.append(frame_written)
+    process.now_does(f"rendering frame {frame}")
     try:
         call_blender(scene, engine, progress, lambda: frame, animation=True)
     finally:
@@ -228,11 +297,6 @@ def render_animation(
     if frame <= frames[1]:
         engine.frame_statistics(0.0)
         raise CommandError(f"frame {frame} was not rendered; {VERBOSE_VARIABLE}=1 shows what Blender printed")
-
-
-def remove_files(pattern: str) -> None:
-    for path in glob.glob(pattern):
-        os.remove(path)
 
 
 def call_blender(scene: Any, engine: Engine, progress: Progress, frame: Callable[[], int], **options: Any) -> None:

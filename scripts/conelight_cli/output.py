@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import json
 import os
 from collections.abc import Iterator
@@ -23,6 +24,10 @@ PASS_SWITCHES = (
     "diffuse_direct", "diffuse_indirect", "diffuse_color", "glossy_direct", "glossy_indirect", "glossy_color",
     "transmission_direct", "transmission_indirect", "transmission_color", "emit", "environment", "ambient_occlusion",
 )
+
+
+#: Bytes that a disk must still take after a file: more than a block of any file system.
+_MORE = 1 << 16
 
 
 def choose_format(scene: Any, output: str, multilayer: bool) -> None:
@@ -56,18 +61,42 @@ def enable_passes(scene: Any) -> None:
                 setattr(layer, "use_pass_" + name, True)
 
 
+def temporary_path(path: str, number: str = "") -> str:
+    """A file beside ``path`` that only this process writes."""
+    folder, extension = os.path.dirname(os.path.abspath(path)), os.path.splitext(path)[1]
+    return os.path.join(folder, f".{os.getpid()}.{number}part{extension}")
+
+
+def remove_temporary(path: str, process: int) -> None:
+    """Removes what a process has left beside ``path``."""
+    folder = os.path.dirname(os.path.abspath(path))
+    for name in glob.glob(f"{glob.escape(folder)}/.{process}.*part*"):
+        with contextlib.suppress(OSError):
+            os.remove(name)
+
+
+def _flush_to_disk(path: str) -> None:
+    """Raises OSError where a disk is full: Blender's writers of EXR and TGA are content with half a file then."""
+    size = os.path.getsize(path)
+    with open(path, "r+b") as file:
+        file.seek(size)
+        file.write(bytes(_MORE))
+        file.flush()
+        os.fsync(file.fileno())
+        file.truncate(size)
+
+
 @contextlib.contextmanager
 def replacing(path: str, what: str) -> Iterator[str]:
     """A file beside ``path`` to write to; it takes the place of ``path`` at the end of the block if it was written.
 
     Raises CommandError naming ``path`` when that cannot be. ``what`` is what the file is to the user.
     """
-    folder, name = os.path.split(os.path.abspath(path))
-    stem, extension = os.path.splitext(name)
-    temporary = os.path.join(folder, f".{stem}.{os.getpid()}.part{extension}")
+    temporary = temporary_path(path)
     try:
         yield temporary
         if os.path.exists(temporary):
+            _flush_to_disk(temporary)  # before it has its name: a machine that fails then leaves the old file or this
             os.replace(temporary, path)
     except OSError as error:
         raise CommandError(f"{what} '{path}' could not be written: {error.strerror}") from error

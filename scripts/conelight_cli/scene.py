@@ -11,8 +11,11 @@ import bpy
 from .errors import CommandError, reason
 
 
-def load(path: str) -> Any:
-    """The scene (``bpy.types.Scene``) of a file. Raises CommandError for a file that is missing or cannot be read."""
+def load(path: str, *, trusted: bool = False) -> Any:
+    """The scene (``bpy.types.Scene``) of a file. Raises CommandError for a file that is missing or cannot be read.
+
+    ``trusted``: scripts and drivers in it run.
+    """
     if not os.path.isfile(path):
         raise CommandError(f"scene file '{path}' does not exist")
     if not os.access(path, os.R_OK):
@@ -21,7 +24,7 @@ def load(path: str) -> Any:
     extension = os.path.splitext(path)[1].lower()
     try:
         if extension == ".blend":
-            bpy.ops.wm.open_mainfile(filepath=full, load_ui=False, use_scripts=False)
+            bpy.ops.wm.open_mainfile(filepath=full, load_ui=False, use_scripts=trusted)
         else:
             _import_into_empty_scene(full, extension)
     except RuntimeError as error:
@@ -52,3 +55,22 @@ def _add_black_world() -> None:
     for node in world.node_tree.nodes:
         if node.bl_idname == "ShaderNodeBackground":
             node.inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+
+
+def without_other_outputs(path: str) -> list[str]:
+    """Mutes the compositor's file outputs, which would write where the file says; returns sentences for the user."""
+    trees = {id(tree): tree for tree in bpy.data.node_groups if tree.bl_idname == "CompositorNodeTree"}
+    for scene in bpy.data.scenes:
+        tree = getattr(scene, "node_tree", None) if bpy.app.version < (5, 0, 0) else None
+        if tree is not None:
+            trees[id(tree)] = tree
+    muted = []
+    for tree in trees.values():
+        for node in tree.nodes:
+            if node.bl_idname == "CompositorNodeOutputFile" and not node.mute:
+                node.mute = True
+                muted.append(node.name)
+    if not muted:
+        return []
+    names = ", ".join(f"'{name}'" for name in dict.fromkeys(muted))
+    return [f"'{path}': file outputs of the compositor are left out: {names}; with --enable-autoexec they write"]

@@ -1,14 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Where links of a face look, and the shift of the points that they are drawn by.
+// Shift of the points that links of a face are drawn by.
 
 #include "lib/hemisphere.glsl"
 #include "lib/sampling.glsl"
-
-// Direction of link k.
-vec3 link_direction(vec3 normal, uint k, uvec2 shift)
-{
-    return sample_cosine(normal, sample_2d(k, shift));
-}
 
 // Neighbouring faces of a plane share the hemisphere evenly. `position`: of the face, grid space.
 uvec2 link_shift(vec3 position, vec3 normal, uint random_seed)

@@ -59,6 +59,7 @@ uniform vec3 camera_forward;   // unit, grid space
 uniform vec3 camera_position;  // grid space
 uniform float cell_size;
 uniform vec3 grid_origin_ws;
+uniform float share_of_samples;  // passes with this one, of those asked for
 
 // Diffuse: irradiance / pi. Direct: from lights, and what rays bring straight from where light is
 // made; indirect: what surfaces pass on. Cycles divides its passes so.
@@ -103,6 +104,17 @@ vec4 composed(ivec2 at)
     return of_surface(is_surface, from_lights_glossy(at) + emitted_glossy(at));
 #elif OUTPUT == OUTPUT_GLOSSY_INDIRECT
     return of_surface(is_surface, gathered_glossy(at) - emitted_glossy(at));
+#elif OUTPUT == OUTPUT_DIRECT
+    vec3 diffuse = from_lights_diffuse(at) + emitted_diffuse(at);
+    vec3 glossy = from_lights_glossy(at) + emitted_glossy(at);
+    return of_surface(position.w > 0.0, emission + (is_surface ? p.diffuse * diffuse + glossy : vec3(0.0)));
+#elif OUTPUT == OUTPUT_INDIRECT
+    return of_surface(is_surface, p.diffuse * (gathered_diffuse(at) - emitted_diffuse(at)) +
+                                      gathered_glossy(at) - emitted_glossy(at));
+#elif OUTPUT == OUTPUT_SPECULAR
+    return of_surface(is_surface, from_lights_glossy(at) + gathered_glossy(at));
+#elif OUTPUT == OUTPUT_SAMPLE_COUNT
+    return vec4(vec3(share_of_samples), 1.0);
 #elif OUTPUT == OUTPUT_DIFFUSE_COLOR
     return (is_surface ? vec4(p.diffuse, 1.0) : vec4(0.0));
 #elif OUTPUT == OUTPUT_GLOSSY_COLOR

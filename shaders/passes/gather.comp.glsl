@@ -14,6 +14,7 @@
 // KEEPS_NEARNESS: nearness_img: sum over passes of the mean of 1 / distance, 1/cells; w of incoming_out: its mean.
 
 #include "lib/incoming.glsl"
+#include "lib/received.glsl"
 #include "lib/sampling.glsl"
 #include "lib/pixel.glsl"
 #include "lib/camera.glsl"
@@ -54,7 +55,7 @@ uniform uint random_seed;
 // One direction of a pixel.
 struct Drawn {
     vec3 direction;
-    float weight;   // of what it brings: cosine / pi / chance for each steradian; 0 where the surface is in the way
+    float weight;   // of what it brings: cosine / pi / chance for each steradian; 0 below the surface
     float density;  // rays for each steradian, were all drawn evenly
 };
 
@@ -67,17 +68,22 @@ Drawn draw(Pixel p, Guide guide, uint index, uint seed, uvec2 shift)
     bool guided = has_choice && ((index ^ hash(seed, index >> 1)) & 1u) == 1u;
     vec2 u = sample_2d(has_choice ? index >> 1 : index, guided ? shift + 0x9E3779B9u : shift);
     vec3 direction = guided ? sample_guide(guide, u) : sample_cosine(p.normal, u);
-    float even = max(dot(direction, p.normal), 0.0) / PI;
+    if (!guided && dot(direction, p.geometric_normal) <= 0.0) {
+        direction = mirrored(direction, p.geometric_normal);
+    }
+    float even = mirrored_density(p.normal, p.geometric_normal, direction) / PI;
     float chance = has_choice ? 0.5 * even + 0.5 * guide_density(guide, direction) : even;
-    float leaves = dot(direction, p.geometric_normal) > 0.0 ? 1.0 : 0.0;
-    return Drawn(direction, leaves * even / max(chance, 1e-20), float(ray_count) * even);
+    float share = received_cosine(p.normal, p.geometric_normal, direction) / PI;
+    return Drawn(direction, share / max(chance, 1e-20), float(ray_count) * share);
 }
 #else
 Drawn draw(Pixel p, uint index, uvec2 shift)
 {
     vec3 direction = sample_cosine(p.normal, sample_2d(index, shift));
-    float leaves = dot(direction, p.geometric_normal) > 0.0 ? 1.0 : 0.0;
-    return Drawn(direction, leaves, float(ray_count) * dot(direction, p.normal) / PI);
+    direction = dot(direction, p.geometric_normal) > 0.0 ? direction : mirrored(direction, p.geometric_normal);
+    float even = mirrored_density(p.normal, p.geometric_normal, direction);
+    float share = received_cosine(p.normal, p.geometric_normal, direction);
+    return Drawn(direction, share / max(even, 1e-20), float(ray_count) * share / PI);
 }
 #endif
 #endif

@@ -37,7 +37,7 @@ void fetch_link(uint face, uint k, vec3 position, vec3 normal, uvec2 shift, out 
         direction = (there - position) / max(distance(there, position), 1e-6);
         light = luminance(unpack_light(texelFetch(face_radiance_tex, list_texel(link), 0).rg));
     } else {
-        direction = link_direction(normal, k, shift);  // as pass link has drawn it, but for shading normals
+        direction = sample_cosine(normal, sample_2d(k, shift));  // as pass link has drawn it, but for shading normals
 #if HAS_WORLD
         light = luminance(world_along(direction));
 #else

@@ -38,8 +38,9 @@ layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D irradiance_img;
 uniform uint random_seed;
 uniform bool use_shadows;
 uniform float link_count;  // rays that look for emitters and the world too, cosine-distributed (pass link)
+uniform uint point_count;  // of each face, where light is looked for
 
-// Points on a light that has a size; one suffices for the others.
+// Points on a light that has a size, all points of a face together; one suffices for the others.
 const uint SAMPLES = 4u;
 
 #if FINDS_CHANGED
@@ -54,6 +55,41 @@ bool is_shadowed(vec3 origin, vec3 direction, float limit, uint seed)
 #else
     return is_blocked(origin, direction, limit, seed);
 #endif
+}
+
+// Point k of what a face stands for: points are spread evenly over the plane of its surface in its cell. `face` is
+// NONE_INDEX where there is no surface, or it is hidden from the first point.
+Site site_point(Site site, uint k)
+{
+    vec3 place = site.origin - site.normal * RAY_START;
+    vec3 cell = floor(place);
+    int axis = dominant_axis(site.normal);
+    int right = (axis + 1) % 3;
+    int up = (axis + 2) % 3;
+    uvec2 first = uvec2(clamp(vec2(place[right] - cell[right], place[up] - cell[up]), 0.0, 1.0) * 4294967040.0);
+    vec2 across = sample_2d(k, first) - sample_2d(0u, first);
+    vec3 shift = vec3(0.0);
+    shift[right] = across.x;
+    shift[up] = across.y;
+    shift[axis] = -dot(shift, site.normal) / site.normal[axis];
+    float depth = place[axis] + shift[axis] - cell[axis];
+    bool is_there = k > 0u && depth >= 0.0 && depth <= 1.0;
+    float size = length(shift);
+    vec3 origin = site.origin;
+    vec3 direction = shift / max(size, 1e-6);
+    for (int look = 0; look < 2; ++look) {  // along the surface, where nothing shall be; down, where it is
+        float reach = look == 0 ? size : 2.0 * RAY_START;
+        bool blocked = is_shadowed(origin, direction, is_there ? reach : -1.0, hash(site.seed, k));
+#if FINDS_CHANGED
+        blocked = look == 1;  // wherever there may be a point, light is looked for
+#endif
+        is_there = is_there && blocked == (look == 1);
+        origin = site.origin + shift;
+        direction = -site.normal;
+    }
+    uint face = k == 0u || is_there ? site.face : NONE_INDEX;
+    uint seed = k == 0u ? site.seed : hash(site.seed, k);
+    return Site(face, seed, origin, site.normal, site.shading_normal);
 }
 
 #if HAS_LIGHTS && HAS_MANY_LIGHTS
@@ -116,7 +152,7 @@ vec3 light_from_lights(Site site)
         }
         uint seed = hash(site.seed + k, random_seed);
         bool has_size = light.radius_grid > (light.kind == LIGHT_SUN ? 0.01 : 0.25);
-        uint samples = has_size ? SAMPLES : 1u;
+        uint samples = has_size ? max(SAMPLES / point_count, 1u) : 1u;
         vec3 sum = vec3(0.0);
         for (uint i = 0u; i < samples; ++i) {
             LightSample s = sample_light(light, site.origin, sample_2d(i, seed));
@@ -182,20 +218,29 @@ void main()
         return;
     }
     vec3 irradiance = vec3(0.0);
+    float points = 0.0;
 #if FINDS_CHANGED && HAS_REACH
     uint reach = texelFetch(reach_tex, clamp(ivec3(site.origin), ivec3(0), grid_size - 1) / BRICK, 0).r;
-    for (bool unsure = reach != 0u; unsure; unsure = false) {  // a loop: software rasterizers run all of an `if`
-        irradiance += light_from_lights(site);
-    }
-#elif HAS_LIGHTS
-    irradiance += light_from_lights(site);
+    uint end = reach != 0u ? point_count : 0u;
+#else
+    uint end = point_count;
+#endif
+    for (uint k = 0u; k < end; ++k) {
+        Site point = site_point(site, k);
+        if (point.face == NONE_INDEX) {
+            continue;
+        }
+        points += 1.0;
+#if HAS_LIGHTS
+        irradiance += light_from_lights(point);
 #endif
 #if HAS_EMITTERS
-    irradiance += light_from_emitters(site);
+        irradiance += light_from_emitters(point);
 #endif
 #if WORLD_IS_DRAWN
-    irradiance += light_from_world(site);
+        irradiance += light_from_world(point);
 #endif
+    }
 #if FINDS_CHANGED
     uint before = number_before(site.face);
     if (has_changed || before == NONE_INDEX) {
@@ -204,6 +249,6 @@ void main()
         imageStore(irradiance_img, list_texel(site.face), texelFetch(irradiance_before_tex, list_texel(before), 0));
     }
 #else
-    imageStore(irradiance_img, list_texel(site.face), pack_light(irradiance / PI));
+    imageStore(irradiance_img, list_texel(site.face), pack_light(irradiance / (PI * points)));
 #endif
 }

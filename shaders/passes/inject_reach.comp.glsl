@@ -27,7 +27,7 @@ void main()
                         index / (brick_count.x * brick_count.y));
     uvec4 record = texelFetch(bricks_tex, brick, 0);
     vec3 centre = (vec3(brick) + 0.5) * float(BRICK);
-    bool crosses = false;
+    bool crosses = crosses_box(centre, vec3(0.0, 0.0, 1.0), 0.0, HALF_BRICK);  // where points of a face lie, for one
     uint end = (record.x | record.y) != 0u ? light_count : 0u;
     for (uint k = 0u; k < end; ++k) {
         Light light = fetch_light(lights_tex, k);

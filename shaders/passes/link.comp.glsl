@@ -10,7 +10,7 @@
 
 #include "lib/radiance.glsl"
 #include "lib/site.glsl"
-#include "lib/link_shift.glsl"
+#include "lib/link_ray.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
 #endif
@@ -44,14 +44,14 @@ void main()
     uvec4 links;
     vec3 straight = vec3(0.0);
     for (uint k = link_first; k < link_end; ++k) {
-        vec3 direction = link_direction(site.shading_normal, k, shift);
-        bool leaves = leaves_surface(site, direction);
+        vec3 direction;
+        bool leaves = link_ray(site, k, shift, seed, direction);
         Hit hit = trace(site.origin, direction, leaves ? 1e30 : -1.0, RAY_DIFFUSE, false, hash(seed, k));
         uint link = NONE_INDEX;
         if (hit.triangle != NONE_INDEX) {
             link = face_at_hit(site.origin + direction * hit.distance, hit, hash(seed + k, 0x9E3779u));
 #if HAS_EMITTERS
-            float density = float(link_count) * dot(direction, site.shading_normal) / PI;
+            float density = float(link_count) * received_cosine(site.shading_normal, site.normal, direction) / PI;
             Emitted emission = emission_met(hit.triangle, site.origin, direction, hit.distance, density);
             straight += emission.weight * emission.radiance;
 #endif
@@ -59,7 +59,7 @@ void main()
 #if HAS_WORLD
         else if (leaves) {
 #if WORLD_IS_DRAWN
-            float density = float(link_count) * dot(direction, site.shading_normal) / PI;
+            float density = float(link_count) * received_cosine(site.shading_normal, site.normal, direction) / PI;
             straight += world_ray_weight(direction, density) * world_along(direction);
 #else
             straight += world_along(direction);

@@ -4,8 +4,7 @@
 // Input: faces, their numbers before and now, links and straight light before.
 // Output: link_img, straight_img (HAS_STRAIGHT), changed_img.
 
-#include "lib/site.glsl"
-#include "lib/link_shift.glsl"
+#include "lib/link_ray.glsl"
 #include "lib/changed_faces.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
@@ -21,8 +20,9 @@ layout(binding = IMG_2, rg32ui) writeonly uniform uimage2D straight_img;
 uniform uint link_count;  // a multiple of four
 uniform uint random_seed;
 
-// From where a ray ends to the place of the face that it was linked to, at most: half a cell along the surface, and a cell.
-const float FARTHEST_PLACE = 4.0;
+// From where a ray ends to the place of the face that it was linked to, along each axis at most: half a cell (lib/radiance.glsl)
+// and a cell.
+const float FARTHEST_PLACE = 1.6;
 
 void main()
 {
@@ -32,31 +32,30 @@ void main()
     }
     uint before = number_before(site.face);
     bool has_changed = before == NONE_INDEX;
+    bool may_cross = lies_above(site.origin, site.normal);
+    uint seed = hash(site.seed, random_seed);
+    uvec2 shift = link_shift(site.origin, site.normal, random_seed);
     uint quads = link_count / 4u;
     for (uint q = 0u; q < (before == NONE_INDEX ? 0u : quads); ++q) {
         uvec4 links = texelFetch(links_before_tex, list_texel(before * quads + q), 0);
         for (int k = 0; k < 4; ++k) {
             uint number = texelFetch(numbers_now_tex, list_texel(links[k] == NONE_INDEX ? 0u : links[k]), 0).r;
-            has_changed = has_changed || (links[k] != NONE_INDEX && number == NONE_INDEX);
-            links[k] = links[k] == NONE_INDEX ? NONE_INDEX : number;
+            number = links[k] == NONE_INDEX ? NONE_INDEX : number;
+            has_changed = has_changed || (number == NONE_INDEX && links[k] != NONE_INDEX);
+            links[k] = number;
+            vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(number == NONE_INDEX ? 0u : number), 0).xyz);
+            float reach = max(distance(place, site.origin), 1e-6);
+            bool is_near = number == NONE_INDEX ||
+                           crosses_box(site.origin, (place - site.origin) / reach, reach, FARTHEST_PLACE);
+            // A loop, not an `if`: software rasterizers run the inside of an `if` whether it holds or not.
+            for (bool unsure = is_near && may_cross && !has_changed; unsure; unsure = false) {
+                float limit = number == NONE_INDEX ? 1e30 : reach + 2.0 * FARTHEST_PLACE;  // 1.7: diagonals of cubes
+                vec3 direction;
+                bool leaves = link_ray(site, 4u * q + uint(k), shift, seed, direction);
+                has_changed = leaves && crosses_box(site.origin, direction, limit, 0.0);
+            }
         }
         imageStore(link_img, list_texel(site.face * quads + q), links);
-    }
-    uvec2 shift = link_shift(site.origin, site.normal, random_seed);
-    uint end = has_changed || !lies_above(site.origin, site.normal) ? 0u : link_count;
-    for (uint k = 0u; k < end; ++k) {
-        vec3 direction = link_direction(site.shading_normal, k, shift);
-        bool crosses = leaves_surface(site, direction) && crosses_box(site.origin, direction, 1e30, 0.0);
-        for (bool unsure = crosses; unsure; unsure = false) {  // a loop: software rasterizers run all of an `if`
-            uint link = texelFetch(links_before_tex, list_texel((before * link_count + k) / 4u), 0)[k & 3u];
-            float limit = 1e30;
-            if (link != NONE_INDEX) {
-                vec3 place, normal;
-                fetch_face_place(texelFetch(numbers_now_tex, list_texel(link), 0).r, place, normal);
-                limit = distance(place, site.origin) + FARTHEST_PLACE;
-            }
-            has_changed = has_changed || crosses_box(site.origin, direction, limit, 0.0);
-        }
     }
     if (has_changed) {
         list_changed(site.face);

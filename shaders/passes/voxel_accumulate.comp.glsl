@@ -88,6 +88,7 @@ void main()
     Part part;
     part.facing = uint(2 * axis) + (normal[axis] < 0.0 ? 1u : 0u);
     uint random = hash(pair.x, pair.y);
+    area = area > 0.0 ? max(area, 1.0 / FIXED_ONE) : 0.0;  // a sliver alone in a cell has its colour, on average
     part.area = fixed_point(area, random);
     for (uint k = 0u; k < 3u; ++k) {
         random = hash(random);

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How many links voxel faces have: rays that find which others they see."""
+
+from __future__ import annotations
+
+#: Where faces are few, the light that a small bright patch sends rests on few links, and their noise is that of the
+#: whole picture's brightness: there are at least so many links in all, ...
+LEAST_IN_ALL = 1 << 18
+#: ... but no more than so many of a face on account of that.
+MOST_FOR_FEW = 64
+
+
+def link_count(bounce_rays: int, faces: float) -> int:
+    """Links of each of ``faces`` faces: ``bounce_rays``, or more where faces are few; four to a texel."""
+    wanted = max(bounce_rays, min(int(LEAST_IN_ALL / max(faces, 1.0)), MOST_FOR_FEW))
+    return -(-wanted // 4) * 4
