@@ -90,14 +90,14 @@ void fetch_corners(uvec2 entry, out uvec3 words, out vec3 corner, out vec3 edge_
     vec4 a = vec4(uintBitsToFloat(t0.xyz), 1.0);
     vec4 b = vec4(uintBitsToFloat(t1.xyz), 1.0);
     vec4 c = vec4(uintBitsToFloat(t2.xyz), 1.0);
-    // Every program must get the same bits, or rays could slip past what was voxelized.
+    // Every program must get the same bits, or rays could slip past what was voxelized; those of pass `transform`, too.
     precise vec3 p = vec3(dot(x, a), dot(y, a), dot(z, a));
-    precise vec3 q = vec3(dot(x, b), dot(y, b), dot(z, b));
-    precise vec3 r = vec3(dot(x, c), dot(y, c), dot(z, c));
+    precise vec3 to_q = vec3(dot(x, b), dot(y, b), dot(z, b)) - p;
+    precise vec3 to_r = vec3(dot(x, c), dot(y, c), dot(z, c)) - p;
     words = uvec3(t0.w, t1.w, t2.w);
     corner = p;
-    edge_1 = q - p;
-    edge_2 = r - p;
+    edge_1 = to_q;
+    edge_2 = to_r;
 }
 
 Triangle fetch_listed(uvec2 entry)
@@ -190,12 +190,15 @@ uvec2 list_entry(uint index, Triangle t)
 // Moeller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection".
 bool intersect_plane(Triangle triangle, vec3 origin, vec3 direction, out vec2 barycentric, out float distance)
 {
-    vec3 p = cross(direction, triangle.edge_2);
-    float determinant = dot(triangle.edge_1, p);
-    float inverse = 1.0 / determinant;
-    vec3 s = origin - triangle.corner;
-    vec3 q = cross(s, triangle.edge_1);
-    barycentric = vec2(dot(s, p), dot(direction, q)) * inverse;
-    distance = dot(triangle.edge_2, q) * inverse;
+    // With or without HAS_INSTANCES, the same bits.
+    precise vec3 p = cross(direction, triangle.edge_2);
+    precise float determinant = dot(triangle.edge_1, p);
+    precise float inverse = 1.0 / determinant;
+    precise vec3 s = origin - triangle.corner;
+    precise vec3 q = cross(s, triangle.edge_1);
+    precise vec2 uv = vec2(dot(s, p), dot(direction, q)) * inverse;
+    precise float w = dot(triangle.edge_2, q) * inverse;
+    barycentric = uv;
+    distance = w;
     return determinant != 0.0;
 }
