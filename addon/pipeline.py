@@ -38,7 +38,7 @@ from .passes.neighbours import NeighbourPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
 from .passes.surface import RAY_TEXELS, SurfacePass, Surfaces
-from .passes.view import VOXEL_VIEWS
+from .passes.view import VOXEL_VIEWS, SeenRays, trace_rays
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
 from .scene import SceneData
@@ -502,6 +502,20 @@ class Pipeline:
         self.film.add(frame, lit, scene, at_pixels)
         self.gpu.check()
         yield Progress(1.0, "Pass done")
+
+    def rays_at(self, place: tuple[float, float]) -> SeenRays | None:
+        """Rays that gather light at the surface seen at ``place``, 0..1 from the picture's lower left corner.
+
+        None: nothing was prepared yet. To be called between pieces of work, not in one.
+        """
+        features, voxels, surface = self.features, self._voxelize.voxels, self._surface.pictures
+        if features is None or voxels is None or surface is None or not features.has_geometry:
+            return None
+        radiance = self._bounce.radiance[0] if features.needs_radiance else None
+        lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones, self._guides)
+        frame = Frame(0, 0, None, self._camera, (0.5, 0.5), surface, features, self._settings)
+        width, height = self._size
+        return trace_rays(self.gpu, frame, lit, (int(place[0] * width), int(place[1] * height)))
 
     # Report -----------------------------------------------------------------------------------------------------
 

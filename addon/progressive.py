@@ -146,6 +146,11 @@ class Progressive:
             steps.close()
 
     @property
+    def is_between_steps(self) -> bool:
+        """Whether the pipeline is not in the middle of something."""
+        return self._steps is None or self._is_sampling
+
+    @property
     def output(self) -> str:
         """The output of the film that the target at work asks for."""
         return self._target.output if self._target is not None else "combined"

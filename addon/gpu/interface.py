@@ -36,7 +36,7 @@ FACING_MASK = 0xFFF
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
 
-#: Lights whose shadows a voxel face asks for, where there are more.
+#: About how many lights are asked for their shadows at a point, where there are more.
 LIGHT_PICKS = 16
 
 #: A corner's normal that is nearer to its triangle's than this (a quarter of a degree) differs by rounding alone.
@@ -231,18 +231,17 @@ LIGHT = Struct(
         ("position_grid", "vec3", "cells"),
         ("kind", "uint", "LIGHT_*"),
         ("intensity", "vec3", "W/sr, W/m2 or W/(m2 sr) by kind"),
+        ("flags", "uint", "RAY_* that see it; LIGHT_CASTS_SHADOW, LIGHT_IS_ELLIPSE, LIGHT_IS_SPHERE"),
+        ("axis_z", "vec3", "unit; the light shines along -z"),
         ("radius_grid", "float", "cells; area lights: half the longer side; suns: sine of half their angle"),
         ("axis_x", "vec3", "unit"),
         ("half_width_grid", "float", "area lights: half the side along x, cells"),
         ("axis_y", "vec3", "unit"),
         ("half_height_grid", "float", "along y"),
-        ("axis_z", "vec3", "unit; the light shines along -z"),
-        ("cos_cone", "float", "spot: cosine of half the cone"),
         ("spot_scale", "vec3", "spot: 1 / object scale"),
         ("spot_smooth", "float", "spot: 1 / ((1 - cos_cone) blend); area: half the spread"),
-        ("flags", "uint", "RAY_* that see it; LIGHT_CASTS_SHADOW, LIGHT_IS_ELLIPSE, LIGHT_IS_SPHERE"),
         ("radiance", "vec3", "of the visible disk, sphere or area"),
-        ("pad", "uint", ""),
+        ("cos_cone", "float", "spot: cosine of half the cone"),
     ),
 )
 

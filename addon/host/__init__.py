@@ -4,18 +4,20 @@
 
 def register() -> None:
     """Makes engine, properties and panels known to Blender. Once is enough; once more changes nothing."""
-    from . import engine, panels, properties
+    from . import engine, panels, properties, rays
 
     unregister()
     properties.register()
     engine.register()
+    rays.register()
     panels.register()
 
 
 def unregister() -> None:
     """Takes away what :func:`register` made known, as far as it is there."""
-    from . import engine, panels, properties
+    from . import engine, panels, properties, rays
 
     panels.unregister()
+    rays.unregister()
     engine.unregister()
     properties.unregister()

@@ -124,6 +124,28 @@ class _SettingsPanel(_OwnPanel):
             _draw_memory(layout, settings)
 
 
+class VIEW3D_PT_conelight(bpy.types.Panel):
+    """Beside Blender's choices for a rendered viewport: what it shows, and what explains it."""
+
+    bl_label = "Conelight"
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "HEADER"
+    bl_parent_id = "VIEW3D_PT_shading"
+    layout: Any
+
+    @classmethod
+    def poll(cls, context: Any) -> bool:
+        return context.engine == ENGINE_ID and context.space_data.shading.type == "RENDERED"
+
+    def draw(self, context: Any) -> None:
+        layout, settings = self.layout, context.scene.conelight
+        layout.prop(settings, "viewport_pass", text="")
+        row = layout.row()
+        row.active = APPLIES["viewport_level"](settings)
+        row.prop(settings, "viewport_level")
+        layout.operator("conelight.show_rays")
+
+
 class RENDER_PT_conelight_film(_OwnPanel, bpy.types.Panel):
     bl_label = "Film"
     bl_context = "render"
@@ -235,6 +257,7 @@ def _passes_panels() -> Iterator[type]:
 CLASSES: tuple[type, ...] = (
     RENDER_PT_conelight,
     *_settings_panels(),
+    VIEW3D_PT_conelight,
     RENDER_PT_conelight_film,
     *_passes_panels(),
     DATA_PT_conelight_shadow,

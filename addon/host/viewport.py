@@ -17,7 +17,7 @@ from concurrent.futures import Future, wait
 from typing import Any
 
 from ..progressive import Progressive, Status, Target
-from . import session
+from . import rays, session
 from .backend import viewport_has_own_context
 from .display import Display, Inbox, SharedDisplay, UploadedDisplay
 from .session import Session
@@ -60,6 +60,9 @@ class Slices:
         self.reported: Target | None = None  # whose status that is
         self.facts = ""
         self.renderer = ""
+        self.asked: tuple[float, float] | None = None  # whose rays are to be shown: place in the picture, 0..1
+        self.rays: Any = None
+        self._rays_of: tuple[Any, ...] | None = None
         self._session = session
         self._inbox = inbox
 
@@ -75,6 +78,16 @@ class Slices:
                 self._inbox.keep(pipeline.film, self.progressive.output)
             self.status, self.reported = self.progressive.status(target), target
             self.facts = _facts(pipeline)
+        self.find_rays()
+
+    def find_rays(self) -> None:
+        """Rays of the pixel that is asked about, in the context of the pipeline; none in the middle of preparing."""
+        progressive = self.progressive
+        wanted = self.asked, id(self.reported)
+        if self.asked is None or wanted == self._rays_of or progressive is None or not progressive.is_between_steps:
+            return
+        with self._session.pipeline() as pipeline:
+            self.rays, self._rays_of = pipeline.rays_at(self.asked), wanted
 
 
 class Viewport:
@@ -143,6 +156,7 @@ class Viewport:
         try:
             if self._view is not None:
                 self._display.draw(self._view.box)
+                self._draw_rays(context)
         except Exception as error:
             self._fail(error)
         self._draw_ms = 1e3 * (time.perf_counter() - start)
@@ -182,6 +196,23 @@ class Viewport:
                 done.result()
             finally:
                 del done  # else its error's traceback, which has this frame, would keep itself and the viewport alive
+
+    def _draw_rays(self, context: Any) -> None:
+        """Those of the pixel that the user asks about, found again when another picture or pixel is shown."""
+        slices, asked = self._slices, rays.place_in(context.region)
+        slices.asked = None
+        if asked is None or self._view is None:
+            slices.rays = None
+            return
+        left, bottom, width, height = self._view.box
+        place = (asked[0] - left + 0.5) / width, (asked[1] - bottom + 0.5) / height
+        if min(place) < 0.0 or max(place) >= 1.0 or not self.is_lit:
+            return
+        slices.asked = place
+        if self._slice is None:
+            self.session.thread.start(slices.find_rays).result()
+        if slices.rays is not None:
+            rays.draw_rays(slices.rays, context.region_data)
 
     def _fail(self, error: Exception) -> None:
         """Keeps what to tell the user. Nothing is tried again until something changes."""

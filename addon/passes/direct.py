@@ -52,7 +52,7 @@ class DirectPass:
             },
         )
         drawn = features.draws_emitters_at_pixels + features.draws_world_at_pixels
-        rays = features.has_lights * lights.count + drawn
+        rays = features.has_lights * lights.rays(settings) + drawn
         reach = settings.max_distance / lit.voxels.grid.cell_size
 
         def bind() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..edit import united
 from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
 from ..scene import DoubleArray
@@ -47,6 +48,8 @@ class FaceChanges:
         """Bind what lib/changed_boxes.glsl reads."""
         padded = np.zeros((interface.CHANGED_BOXES, 2, 3))
         padded[: len(boxes)] = boxes
+        hull = united(boxes, 1) if len(boxes) else padded[:1]
+        kernel.set(hull_low=hull[0, 0].tolist(), hull_high=hull[0, 1].tolist())
         kernel.set(box_low=padded[:, 0].tolist(), box_high=padded[:, 1].tolist(), box_count=len(boxes))
 
     def bind_list(self) -> None:

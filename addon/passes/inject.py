@@ -27,6 +27,9 @@ WORK_PER_STEP = 1 << 17
 POINTS_IN_ALL = 1 << 18
 MOST_POINTS = 8
 
+#: Lights that a point looks at in about the time of one ray.
+LIGHTS_PER_RAY = 16
+
 
 def light_records(lights: Sequence[LightData], grid: VoxelGrid) -> np.ndarray:
     """Lights as the shaders read them, in grid space."""
@@ -98,8 +101,18 @@ class LightTable:
         self.records = self.gpu.list_texture("lights", len(texels), 4, "u4", texels)
 
     def defines(self, settings: Settings) -> dict[str, object]:
-        """Kinds of light there are, for lib/light.glsl."""
-        return self._kinds | {"PHYSICAL_FALLOFF": settings.light_falloff == 2.0}
+        """Kinds of light there are, for lib/light.glsl, and whether a part of them is asked (lib/light_pick.glsl)."""
+        return self._kinds | {
+            "PHYSICAL_FALLOFF": settings.light_falloff == 2.0,
+            "HAS_MANY_LIGHTS": self._has_many(settings),
+        }
+
+    def rays(self, settings: Settings) -> int:
+        """Shadows that a point asks for, about; of many lights, what looking at each costs counts as some more."""
+        return interface.LIGHT_PICKS + self.count // LIGHTS_PER_RAY if self._has_many(settings) else self.count
+
+    def _has_many(self, settings: Settings) -> bool:
+        return settings.use_shadows and self.count > interface.LIGHT_PICKS
 
     def bind(self, kernel: Kernel, settings: Settings) -> None:
         """Bind what lib/light.glsl reads."""
@@ -137,8 +150,9 @@ class InjectPass:
         too; or None. ``changes``: what a scene that is the same but for an edit keeps of the irradiance there is; None:
         nothing.
         """
-        many_lights = lights.count > interface.LIGHT_PICKS  # to ask all of them at each point would take long
-        points = 1 if many_lights else max(1, min(MOST_POINTS, POINTS_IN_ALL // max(voxels.faces.count, 1)))
+        points = max(1, min(MOST_POINTS, POINTS_IN_ALL // max(voxels.faces.count, 1)))
+        if lights.count > interface.LIGHT_PICKS:
+            points = 1  # to look at all of them at each point would take long
         numbers = points, link_count(settings.bounce_rays, voxels.faces.count)
         if numbers != self._numbers:
             changes = None  # other points were asked
@@ -154,7 +168,6 @@ class InjectPass:
             | lights.defines(settings)
             | {
                 "HAS_LIGHTS": lights.count > 0,
-                "HAS_MANY_LIGHTS": many_lights,
                 "HAS_EMITTERS": emitters is not None,
                 "WORLD_IS_DRAWN": world is not None,
                 "WORLD_IS_TEXTURE": world is not None,
@@ -194,9 +207,8 @@ class InjectPass:
         lights, emitters, world, settings = sources
         changes, before, reach = taken
         points, links = self._numbers
-        drawn = min(lights.count, interface.LIGHT_PICKS)
-        drawn += (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
-        step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, drawn * points))
+        rays = lights.rays(settings) + (FACE_SAMPLES if emitters else 0) + (WORLD_SAMPLES if world else 0)
+        step = max(interface.GROUP_SIZE, WORK_PER_STEP // max(1, rays * points))
         for first in range(0, count, step):
             with self.gpu.timed("inject"):
                 voxels.bind(kernel)

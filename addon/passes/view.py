@@ -6,7 +6,10 @@ They are outputs of the film like others. Only one that is asked for is compiled
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import moderngl
+import numpy as np
 
 from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
@@ -17,6 +20,22 @@ VOXEL_VIEWS = ("voxels", "voxel_albedo", "voxel_normal", "voxel_radiance", "voxe
 
 #: What is asked of the surface that a pixel shows.
 PIXEL_VIEWS = ("shadow", "ambient_occlusion")
+
+#: Rays of one pixel that are traced to be drawn.
+RAYS_SHOWN = 48
+CONES_SHOWN = 6
+
+
+@dataclass(frozen=True)
+class SeenRays:
+    """Rays (or axes of cones) that gather diffuse light at one pixel; world space, metres."""
+
+    start: np.ndarray  # (3,)
+    ends: np.ndarray  # (N, 3); none where the pixel shows no surface
+    meets: np.ndarray  # (N,) bool: ends on a surface
+    radiance: np.ndarray  # (N, 3) W/(m2 sr) that each brings
+    tan_half: float  # of cones; 0: they are rays
+
 
 _NUMBERS = {f"VIEW_{name.upper()}": number for number, name in enumerate((*VOXEL_VIEWS, *PIXEL_VIEWS))}
 
@@ -96,3 +115,44 @@ def _draw_pixels(gpu: GpuContext, name: str, target: moderngl.Texture, frame: Fr
 
 def _bind_target(target: moderngl.Texture) -> None:
     target.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
+
+
+def trace_rays(gpu: GpuContext, frame: Frame, lit: LitVoxels, pixel: tuple[int, int]) -> SeenRays:
+    """What gathers diffuse light at the surface that ``pixel`` of the frame shows."""
+    voxels, features, settings, grid = lit.voxels, frame.features, frame.settings, lit.voxels.grid
+    cones = features.gather_cones
+    kernel = gpu.kernel(
+        "pixel_rays",
+        voxels.trace_defines
+        | lit.world.defines
+        | {
+            "GATHER_CONES": cones,
+            "GATHER_OCCLUSION": features.gather_occlusion or lit.radiance is None,
+            "HAS_EMITTERS": features.gathers_emission and lit.radiance is not None,
+        },
+    )
+    count = CONES_SHOWN if cones else RAYS_SHOWN
+    limit = settings.ao_distance if features.gather_occlusion else settings.max_distance
+    limit = limit / grid.cell_size if limit > 0.0 else 1e30
+    rays = gpu.buffer("rays to be drawn", size=48 * interface.GROUP_SIZE)
+    with gpu.timed("view"):
+        lit.bind(kernel)
+        if cones:
+            lit.cones.bind(kernel)
+        if features.gathers_emission and lit.radiance is not None:
+            lit.emitters.bind(kernel, 0)
+            kernel.set(emission_amount=1.0)
+        rays.bind_to_storage_buffer(interface.slot("BUF_RESULTS"))
+        kernel.set(**frame.camera.uniforms((0.5, 0.5)))
+        kernel.set(
+            pixel=pixel, ray_count=count, random_seed=settings.seed, max_distance=limit,
+            clamp_indirect=settings.clamp_indirect, farthest=min(limit, 0.25 * max(grid.size)),
+        )  # fmt: skip
+        kernel.run_groups(1, 1, 1)
+        gpu.barrier()  # read back
+        found = np.frombuffer(rays.read(), np.float32)[: 12 * count].reshape(count, 3, 4).astype(np.float64)
+    gpu.free(rays)
+    found = found[found[:, 0, 3] > 0.0]
+    places = found[:, :2, :3] * grid.cell_size + np.asarray(grid.origin)
+    start = places[0, 0] if len(found) else np.zeros(3)
+    return SeenRays(start, places[:, 1], found[:, 1, 3] > 0.0, found[:, 2, :3], 0.57735 if cones else 0.0)

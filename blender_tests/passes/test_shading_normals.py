@@ -96,23 +96,24 @@ def test_sun(degrees: float, gpu: GpuContext) -> None:
 
 def received(cosine: float) -> float:
     """What a surface receives under a sky of radiance 1, over pi, when its shading normal leans by an angle."""
-    return 0.5 * (1.0 + cosine) + cosine**4 * 0.5 * (1.0 - cosine)
+    mirrored = np.clip((cosine - 0.94) / 0.045, 0.0, 1.0)
+    return 0.5 * (1.0 + cosine) + mirrored * 0.5 * (1.0 - cosine)
 
 
-@pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0])
+@pytest.mark.parametrize("degrees", [0.0, 10.0, 15.0, 30.0, 60.0])
 def test_sky(degrees: float, gpu: GpuContext) -> None:
     """Under a sky of radiance 1 a surface shaded as if it leaned by an angle receives what a roof that leans so does
-    from above the ground: (1 + cos) / 2, and of the rest the share cos^4, mirrored. Nowhere more than 1."""
+    from above the ground: (1 + cos) / 2. The rest is mirrored where it leans little. Nowhere more than 1."""
     angle = np.radians(degrees)
     shape = scenes.bent(scenes.plane(2.0), (0.0, np.sin(angle), np.cos(angle)))
     made = scenes.scene((shape, scenes.diffuse(1.0)), world=scenes.world(1.0))
     with pipeline(gpu, made, scenes.settings(16, bounces=1, bounce_rays=32), samples=0) as ready:
         leaving = radiance(ready)[:, 0]
-    assert leaving.mean() == pytest.approx(received(np.cos(angle)), rel=5e-3)
+    assert leaving.mean() == pytest.approx(received(np.cos(angle)), rel=2.5e-3)
     assert leaving.max() <= 1.0 + 1e-5
 
 
-@pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0])
+@pytest.mark.parametrize("degrees", [0.0, 10.0, 15.0, 30.0])
 @pytest.mark.parametrize("guided", [False, True])
 def test_sky_in_a_picture(degrees: float, guided: bool, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same at pixels, with rays that guides draw and without."""
@@ -127,7 +128,7 @@ def test_sky_in_a_picture(degrees: float, guided: bool, gpu: GpuContext, monkeyp
     )
     with pipeline(gpu, made, scenes.settings(16, rays=8, use_reconstruction=False), (16, 16), samples=8) as ready:
         seen = ready.film.read("combined")[..., 0]
-    assert seen.mean() == pytest.approx(received(np.cos(angle)), rel=5e-3)
+    assert seen.mean() == pytest.approx(received(np.cos(angle)), rel=2.5e-3)
 
 
 @pytest.mark.parametrize("side", [0.3, 2.0])
@@ -168,8 +169,8 @@ def smooth_furnace(rings: int, albedo: float, camera: CameraData | None = None) 
 
 
 def test_closed_smooth_room(gpu: GpuContext) -> None:
-    """Of few triangles: what its surfaces hide from their shading normals is mirrored, nearly all of it, and nothing is
-    won."""
+    """Of few triangles: what its surfaces hide from their shading normals is mirrored as far as normals are alike, and
+    nothing is won."""
     made = smooth_furnace(6, 0.8)
     with pipeline(gpu, made, scenes.settings(24, bounces=200, bounce_rays=32), samples=0) as ready:
         found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]

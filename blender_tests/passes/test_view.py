@@ -141,6 +141,26 @@ def test_voxels_need_nothing_at_pixels(gpu: GpuContext, asked: set[str]) -> None
     assert "voxel_view" in asked and not {"surface", "direct", "gather", "reflect", "compose"} & asked
 
 
+@pytest.mark.parametrize("mode", ["RAYS", "CONES", "OCCLUSION"])
+def test_rays_of_a_pixel(mode: str, gpu: GpuContext) -> None:
+    """They start on the surface that is seen there, go up from it, and end on the roof or in the sky."""
+    roof = (scenes.plane(8.0), scenes.diffuse(0.5), scenes.at(z=4.0))
+    scene = from_above((scenes.plane(2.0), scenes.diffuse()), roof, world=scenes.world((0.0, 0.0, 1.0)))
+    with pipeline(gpu, scene, scenes.settings(32, gather_mode=mode, ao_distance=10.0), SIZE, samples=1) as ready:
+        rays = ready.rays_at((0.625, 0.5))
+        beside = ready.rays_at((0.01, 0.01))
+    assert rays is not None and beside is not None and len(beside.ends) == 0
+    assert len(rays.ends) == (6 if mode == "CONES" else 48)
+    place = 4.0 * (20.5 / 32 - 0.5)
+    assert abs(np.hypot(*rays.start[:2]) - np.hypot(place, 0.0625)) < 1e-3 and 0.0 <= rays.start[2] < 0.1
+    assert (rays.ends[:, 2] > rays.start[2]).all()
+    np.testing.assert_allclose(rays.ends[rays.meets][:, 2], 4.0, atol=0.01)
+    assert rays.meets.sum() >= 1
+    if mode == "RAYS":
+        sky = rays.radiance[~rays.meets]
+        assert len(sky) and np.allclose(sky, [0.0, 0.0, 1.0])
+
+
 @pytest.mark.parametrize("name", (*VOXEL_VIEWS, *PIXEL_VIEWS))
 def test_a_scene_without_anything_has_views(name: str, gpu: GpuContext) -> None:
     assert (shown(gpu, scenes.scene(), name) == 0.0).all()

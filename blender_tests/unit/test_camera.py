@@ -98,3 +98,15 @@ def test_filter_is_the_window(width: float) -> None:
 def test_a_narrow_filter_takes_its_own_pixel() -> None:
     assert filter_reach(0.3) == 0 and filter_weights(0.4, 0.3)[:2] == [1.0, 0.0]
     assert len(filter_weights(0.5, 10.0)) == 2 * MAX_REACH + 1
+
+
+def test_places_in_pixels_do_not_go_together_with_points_on_lights() -> None:
+    """The film weighs passes by their places; what a neighbour brings on the whole is the mean of what it finds."""
+    count, middle = 8192, filter_reach(1.5)
+    places = [pixel_offset(k, 1.5) for k in range(count)]
+    weights = np.array([filter_weights(x, 1.5)[middle + 1] * filter_weights(y, 1.5)[middle] for x, y in places])
+    numbers = np.array([3242174889, 2447445414], np.uint64)  # of lib/sampling.glsl
+    for shift in np.random.default_rng(1).integers(0, 2**32, (20, 2), dtype=np.uint64):
+        points = (shift + np.arange(count, dtype=np.uint64)[:, None] * numbers) % 2**32 / 2**32
+        brought = points[:, 0] * (points[:, 1] < 0.5)  # a light half behind something
+        assert abs((weights * brought).mean() / weights.mean() - 0.25) < 0.01

@@ -6,30 +6,33 @@
 uniform vec3 box_low[CHANGED_BOXES];  // grid space
 uniform vec3 box_high[CHANGED_BOXES];
 uniform int box_count;
+uniform vec3 hull_low;  // a box around all of them
+uniform vec3 hull_high;
 
-// Whether a ray crosses a box before `limit` (cells); boxes grow by `margin` on all sides.
+bool crosses(vec3 low, vec3 high, vec3 origin, vec3 inverse, float limit)
+{
+    vec3 a = (low - origin) * inverse;
+    vec3 b = (high - origin) * inverse;
+    vec3 enter = min(a, b);
+    vec3 leave = max(a, b);
+    return max(0.0, max(enter.x, max(enter.y, enter.z))) <= min(limit, min(leave.x, min(leave.y, leave.z)));
+}
+
+// Whether a ray crosses a box before `limit` (cells); boxes grow by `margin` on all sides. Most rays miss what is around
+// all boxes.
 bool crosses_box(vec3 origin, vec3 direction, float limit, float margin)
 {
     vec3 inverse = 1.0 / mix(direction, vec3(1e-12), lessThan(abs(direction), vec3(1e-12)));
-    bool crosses = false;
-    for (int k = 0; k < box_count; ++k) {
-        vec3 a = (box_low[k] - margin - origin) * inverse;
-        vec3 b = (box_high[k] + margin - origin) * inverse;
-        vec3 enter = min(a, b);
-        vec3 leave = max(a, b);
-        float first = max(0.0, max(enter.x, max(enter.y, enter.z)));
-        crosses = crosses || first <= min(limit, min(leave.x, min(leave.y, leave.z)));
+    bool meets_hull = crosses(hull_low - margin, hull_high + margin, origin, inverse, limit);
+    bool found = meets_hull && box_count == 1;
+    for (int k = meets_hull && !found ? 0 : box_count; k < box_count; ++k) {
+        found = found || crosses(box_low[k] - margin, box_high[k] + margin, origin, inverse, limit);
     }
-    return crosses;
+    return found;
 }
 
-// Whether some of a box lies above the plane through a point.
+// Whether something of the boxes may lie above the plane through a point.
 bool lies_above(vec3 point, vec3 normal)
 {
-    bool above = false;
-    for (int k = 0; k < box_count; ++k) {
-        vec3 highest = mix(box_low[k], box_high[k], greaterThan(normal, vec3(0.0)));
-        above = above || dot(highest - point, normal) > -0.01;
-    }
-    return above;
+    return dot(mix(hull_low, hull_high, greaterThan(normal, vec3(0.0))) - point, normal) > -0.01;
 }

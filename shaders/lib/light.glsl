@@ -19,13 +19,13 @@ struct LightSample {
     vec3 irradiance;  // W/m2 on a surface that faces the direction, unshadowed
 };
 
-// Share of a spot's light inside its blended cone. Cycles, spot_light_attenuation: the angle is measured in the light's
-// own space, so that its scale makes the cone elliptic.
-float spot_attenuation(Light light, vec3 from_light)
+// Share of a spot's light inside its blended cone, which `more` widens (cosine). Cycles, spot_light_attenuation: the angle
+// is measured in the light's own space, so that its scale makes the cone elliptic.
+float spot_attenuation(Light light, vec3 from_light, float more)
 {
     vec3 local = vec3(dot(from_light, light.axis_x), dot(from_light, light.axis_y), dot(from_light, light.axis_z));
     float cosine = -normalize(local * light.spot_scale).z;
-    return smoothstep(0.0, 1.0, (cosine - light.cos_cone) * light.spot_smooth);
+    return smoothstep(0.0, 1.0, (cosine + more - light.cos_cone) * light.spot_smooth);
 }
 
 // Share of an area light's radiance at an angle off its normal (its cosine is given) for a spread of 2 h:
@@ -111,7 +111,7 @@ LightSample sample_point(Light light, vec3 position, vec2 u)
 #endif
 #if HAS_SPOTS
     if (light.kind == LIGHT_SPOT) {
-        factor *= spot_attenuation(light, -direction);
+        factor *= spot_attenuation(light, -direction, 0.0);
     }
 #endif
     return LightSample(direction, distance, light.intensity * (factor * falloff_factor(distance * cell_size)));
@@ -176,7 +176,7 @@ vec3 light_along_ray(Light light, vec3 origin, vec3 direction, out float distanc
         return vec3(0.0);
     }
     distance = (light.flags & LIGHT_IS_SPHERE) != 0u ? along - sqrt(radius2 - off2) : along;
-    float share = light.kind == LIGHT_SPOT ? spot_attenuation(light, -direction) : 1.0;
+    float share = light.kind == LIGHT_SPOT ? spot_attenuation(light, -direction, 0.0) : 1.0;
     return distance > 0.0 ? light.radiance * share : vec3(0.0);
 }
 

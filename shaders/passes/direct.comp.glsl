@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light straight from lights (HAS_LIGHTS), emitters (HAS_EMITTERS) and a world whose light is concentrated
-// (WORLD_IS_DRAWN) at each pixel, with shadows of their real size: in each pass one point on each light, one point on all
-// emitters, chosen among several by what it would bring, and one direction of the world.
+// (WORLD_IS_DRAWN) at each pixel, with shadows of their real size: in each pass one point on each light, or of many
+// (HAS_MANY_LIGHTS) on those that are picked, one point on all emitters, chosen among several by what it would bring, and
+// one direction of the world.
 // Input: surface pictures, lights, emitters, the world, triangles of cells.
 // Output: diffuse_out: irradiance / pi, W/(m2 sr), to be multiplied by the diffuse reflectance; glossy_out: radiance.
 
 #include "lib/trace.glsl"
 #include "lib/sampling.glsl"
 #if HAS_LIGHTS
-#include "lib/light.glsl"
+#include "lib/light_pick.glsl"
 #endif
 #if HAS_EMITTERS
 #include "lib/emitter.glsl"
@@ -132,6 +133,109 @@ void add_world(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed, i
 }
 #endif
 
+#if HAS_LIGHTS
+// `factor`: how much the light counts.
+void add_light(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint pixel_seed, uint k, float factor,
+               inout vec3 diffuse, inout vec3 glossy)
+{
+    Light light = fetch_light(lights_tex, k);
+    uint seed = hash(pixel_seed + k, 0xD1B54Au);
+    LightSample s = sample_light(light, origin, sample_2d(sample_index, seed));
+    float cosine = dot(p.normal, s.direction);
+    // Light behind the surface comes out of glass, bent.
+    bool behind = dot(p.geometric_normal, s.direction) <= 0.0;
+    if ((behind && !p.is_inside) || max_component(s.irradiance) <= 0.0) {
+        return;
+    }
+    vec3 on_diffuse = (light.flags & RAY_DIFFUSE) != 0u ? s.irradiance * max(cosine, 0.0) / PI : vec3(0.0);
+    vec3 on_glossy = vec3(0.0);
+#if HAS_GLOSSY
+    // Rays of pass `reflect` look for the light too.
+    float alpha = max(p.alpha * specular_aperture, 1e-4);
+#if HAS_TRANSMISSION
+    if (behind && (light.flags & RAY_TRANSMISSION) != 0u) {
+        float facet_cosine;
+        float rays = ggx_bent_density(glossy_normal, view, s.direction, alpha, p.ior, facet_cosine);
+        float points = light_density(light, origin, s.direction, s.distance);
+        on_glossy = s.irradiance * p.transmission * (1.0 - dielectric_reflectance(facet_cosine, p.ior)) * rays *
+                    mis_weight(points, rays);
+    }
+#endif
+    if ((light.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
+        float rays = ggx_density(glossy_normal, view, s.direction, alpha);
+        float points = light_density(light, origin, s.direction, s.distance);
+        vec3 reflected = ggx_reflection(glossy_normal, view, s.direction, alpha, p.f0, p.f90, p.ior);
+        on_glossy = s.irradiance * reflected * mis_weight(points, rays);
+    }
+#endif
+    if (max_component(on_diffuse + on_glossy) <= 0.0) {
+        return;
+    }
+    float visible = 1.0;
+    if (use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u) {
+#if SHADOW_CONES
+        float angle = shadow_cone_angle > 0.0 ? 0.5 * shadow_cone_angle : light_half_angle(light, origin);
+        vec3 side = behind ? -p.geometric_normal : p.geometric_normal;
+        visible = cone_visibility(p.position, side, s.direction, tan(angle), s.distance);
+#else
+        vec3 from = behind ? p.position - p.geometric_normal * RAY_START : origin;
+        visible = is_blocked(from, s.direction, s.distance - RAY_START, hash(seed, sample_index)) ? 0.0 : 1.0;
+#endif
+        visible = mix(1.0, visible, shadow_amount);
+    }
+    diffuse += on_diffuse * (visible * factor);
+    glossy += on_glossy * (visible * factor);
+}
+
+#if HAS_MANY_LIGHTS
+// About what the light brings to the picture. Where it is mirrored counts as far as its width, and the lobe's, blur it.
+float estimate(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, Light light)
+{
+    vec3 direction;
+    float width;
+    float brought = light_estimate(light, origin, direction, width);
+    float cosine = p.is_inside ? 1.0 : clamp(dot(p.normal, direction) + width, 0.0, 1.0);
+    vec3 reflected = p.diffuse * ((light.flags & RAY_DIFFUSE) != 0u ? cosine / PI : 0.0);
+#if HAS_GLOSSY
+    if ((light.flags & (RAY_GLOSSY | RAY_TRANSMISSION)) != 0u) {
+        float alpha = min(p.alpha * specular_aperture + 0.5 * width, 1.0);
+        reflected += (p.f0 + p.transmission) * (cosine / PI) +
+                     ggx_reflection(glossy_normal, view, direction, alpha, p.f0, p.f90, p.ior);
+    }
+#endif
+    return brought * max_component(reflected);
+}
+
+void add_lights(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, ivec2 at, inout vec3 diffuse, inout vec3 glossy)
+{
+    uint seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
+    float total = 0.0;
+    for (uint k = 0u; k < light_count; ++k) {
+        total += estimate(p, origin, view, glossy_normal, fetch_light(lights_tex, k));
+    }
+    // Passes go on by the golden section: soon each light has been asked as often as its estimate says.
+    Picks picks = start_picks(total, unit_float(pixel_shift(at, random_seed + light_count).x + sample_index * 2654435769u));
+    while (picks.light < light_count) {
+        float factor = 0.0;
+        while (picks.light < light_count && factor == 0.0) {
+            factor = next_pick(picks, estimate(p, origin, view, glossy_normal, fetch_light(lights_tex, picks.light)));
+        }
+        if (factor > 0.0) {
+            add_light(p, origin, view, glossy_normal, seed, picks.light - 1u, factor, diffuse, glossy);
+        }
+    }
+}
+#else
+void add_lights(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, ivec2 at, inout vec3 diffuse, inout vec3 glossy)
+{
+    uint seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
+    for (uint k = 0u; k < light_count; ++k) {
+        add_light(p, origin, view, glossy_normal, seed, k, 1.0, diffuse, glossy);
+    }
+}
+#endif
+#endif
+
 void main()
 {
     ivec2 at = tile_first + ivec2(gl_GlobalInvocationID.xy);
@@ -146,10 +250,11 @@ void main()
         vec3 origin = p.position + p.geometric_normal * RAY_START;
         vec3 glossy_normal = p.normal;
 #if HAS_GLOSSY
-        float alpha = max(p.alpha * specular_aperture, 1e-4);
         glossy_normal = valid_reflection_normal(p.geometric_normal, -direction, p.normal);
 #endif
+#if HAS_EMITTERS || WORLD_IS_DRAWN
         uint pixel_seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
+#endif
 #if HAS_EMITTERS
         add_emitters(p, origin, -direction, glossy_normal, hash(pixel_seed, 0x7F4A7Cu), diffuse, glossy);
 #endif
@@ -157,54 +262,7 @@ void main()
         add_world(p, origin, -direction, glossy_normal, hash(pixel_seed, 0x5BD1E9u), diffuse, glossy);
 #endif
 #if HAS_LIGHTS
-        for (uint k = 0u; k < light_count; ++k) {
-            Light light = fetch_light(lights_tex, k);
-            uint seed = hash(pixel_seed + k, 0xD1B54Au);
-            LightSample s = sample_light(light, origin, sample_2d(sample_index, seed));
-            float cosine = dot(p.normal, s.direction);
-            // Light behind the surface comes out of glass, bent.
-            bool behind = dot(p.geometric_normal, s.direction) <= 0.0;
-            if ((behind && !p.is_inside) || max_component(s.irradiance) <= 0.0) {
-                continue;
-            }
-            vec3 on_diffuse = (light.flags & RAY_DIFFUSE) != 0u ? s.irradiance * max(cosine, 0.0) / PI : vec3(0.0);
-            vec3 on_glossy = vec3(0.0);
-#if HAS_GLOSSY
-            // Rays of pass `reflect` look for the light too.
-#if HAS_TRANSMISSION
-            if (behind && (light.flags & RAY_TRANSMISSION) != 0u) {
-                float facet_cosine;
-                float rays = ggx_bent_density(glossy_normal, -direction, s.direction, alpha, p.ior, facet_cosine);
-                float points = light_density(light, origin, s.direction, s.distance);
-                on_glossy = s.irradiance * p.transmission * (1.0 - dielectric_reflectance(facet_cosine, p.ior)) * rays *
-                            mis_weight(points, rays);
-            }
-#endif
-            if ((light.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
-                float rays = ggx_density(glossy_normal, -direction, s.direction, alpha);
-                float points = light_density(light, origin, s.direction, s.distance);
-                vec3 reflected = ggx_reflection(glossy_normal, -direction, s.direction, alpha, p.f0, p.f90, p.ior);
-                on_glossy = s.irradiance * reflected * mis_weight(points, rays);
-            }
-#endif
-            if (max_component(on_diffuse + on_glossy) <= 0.0) {
-                continue;
-            }
-            float visible = 1.0;
-            if (use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u) {
-#if SHADOW_CONES
-                float angle = shadow_cone_angle > 0.0 ? 0.5 * shadow_cone_angle : light_half_angle(light, origin);
-                vec3 side = behind ? -p.geometric_normal : p.geometric_normal;
-                visible = cone_visibility(p.position, side, s.direction, tan(angle), s.distance);
-#else
-                vec3 from = behind ? p.position - p.geometric_normal * RAY_START : origin;
-                visible = is_blocked(from, s.direction, s.distance - RAY_START, hash(seed, sample_index)) ? 0.0 : 1.0;
-#endif
-                visible = mix(1.0, visible, shadow_amount);
-            }
-            diffuse += on_diffuse * visible;
-            glossy += on_glossy * visible;
-        }
+        add_lights(p, origin, -direction, glossy_normal, at, diffuse, glossy);
 #endif
     }
     imageStore(diffuse_out, at, vec4(finite_or_zero(diffuse), 0.0));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Light that falls on each voxel face straight from lights (HAS_LIGHTS, and HAS_MANY_LIGHTS: more than LIGHT_PICKS),
+// Light that falls on each voxel face straight from lights (HAS_LIGHTS, and HAS_MANY_LIGHTS: a part is picked),
 // from points drawn on emitters (HAS_EMITTERS), and from directions drawn by the world's light (WORLD_IS_DRAWN).
 // FINDS_CHANGED: after an edit; nothing is traced. Faces whose light stays get what they had, and the others are listed.
 // HAS_REACH: only bricks that are marked can have such (pass inject_reach).
@@ -11,7 +11,7 @@
 #include "lib/sampling.glsl"
 #include "lib/packed_light.glsl"
 #if HAS_LIGHTS
-#include "lib/light.glsl"
+#include "lib/light_pick.glsl"
 #endif
 #if HAS_EMITTERS
 #include "lib/emitter.glsl"
@@ -92,82 +92,78 @@ Site site_point(Site site, uint k)
     return Site(face, seed, origin, site.normal, site.shading_normal);
 }
 
-#if HAS_LIGHTS && HAS_MANY_LIGHTS
-struct Arriving {
-    LightSample point;  // one on the light
-    vec3 light;         // what it brings where nothing stands between
-    bool casts_shadow;
-};
-
-Arriving arriving_from(Site site, uint k)
+#if HAS_LIGHTS
+// Where several points lie on a light, if it has a size.
+bool has_size(Light light)
 {
-    Light light = fetch_light(lights_tex, k);
-    uint seed = hash(site.seed + k, random_seed);
-    LightSample s = sample_light(light, site.origin, sample_2d(0u, seed));
-    float cosine = max(dot(site.shading_normal, s.direction), 0.0);
-    bool arrives = (light.flags & RAY_DIFFUSE) != 0u && leaves_surface(site, s.direction);
-    return Arriving(s, arrives ? finite_or_zero(s.irradiance) * cosine : vec3(0.0),
-                    (light.flags & LIGHT_CASTS_SHADOW) != 0u);
+    return light.radius_grid > (light.kind == LIGHT_SUN ? 0.01 : 0.25);
 }
 
-// Shadows of a part of the lights stand for all: picks lie evenly on the line of what all bring one after the other, so
-// that each is picked as often as its share asks, and counts so much more. Right on average, and without noise where
-// nothing is in shadow. (Systematic sampling: Madow 1949, "On the Theory of Systematic Sampling".)
+// Irradiance that light k brings, from so many points on it.
+vec3 light_from_light(Site site, uint k, Light light, uint points)
+{
+    uint seed = hash(site.seed + k, random_seed);
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i < points; ++i) {
+        LightSample s = sample_light(light, site.origin, sample_2d(i, seed));
+        float cosine = dot(site.shading_normal, s.direction);
+        if (cosine <= 0.0 || max_component(s.irradiance) <= 0.0 || !leaves_surface(site, s.direction)) {
+            continue;
+        }
+        bool blocked = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u &&
+                       is_shadowed(site.origin, s.direction, s.distance - RAY_START, hash(seed, i));
+        sum += blocked ? vec3(0.0) : s.irradiance * cosine;
+    }
+    return sum / float(max(points, 1u));
+}
+
+#if HAS_MANY_LIGHTS
+// About what the light brings, W/m2.
+float estimate(Site site, Light light)
+{
+    vec3 direction;
+    float width;
+    float brought = light_estimate(light, site.origin, direction, width);
+    float cosine = clamp(dot(site.shading_normal, direction) + width, 0.0, 1.0);
+    return (light.flags & RAY_DIFFUSE) != 0u ? brought * cosine : 0.0;
+}
+
 vec3 light_from_lights(Site site)
 {
     float total = 0.0;
     for (uint k = 0u; k < light_count; ++k) {
-        total += max_component(arriving_from(site, k).light);
+        total += estimate(site, fetch_light(lights_tex, k));
     }
-    float interval = total / float(LIGHT_PICKS);
-    uint seed = hash(site.seed + light_count, random_seed);
-    float next = interval * unit_float(seed);
-    uint k = 0u;
-    Arriving arriving = arriving_from(site, 0u);
-    float reached = max_component(arriving.light);
+    Picks picks = start_picks(total, unit_float(hash(site.seed + light_count, random_seed)));
     vec3 irradiance = vec3(0.0);
-    for (uint pick = 0u; pick < uint(LIGHT_PICKS) && total > 0.0; ++pick) {
-        while (reached <= next && k + 1u < light_count) {
-            ++k;
-            arriving = arriving_from(site, k);
-            reached += max_component(arriving.light);
+    while (picks.light < light_count) {
+        float factor = 0.0, brought = 0.0;
+        while (picks.light < light_count && factor == 0.0) {
+            brought = estimate(site, fetch_light(lights_tex, picks.light));
+            factor = next_pick(picks, brought);
         }
-        next += interval;
-        float share = max_component(arriving.light);
-        bool traces = use_shadows && arriving.casts_shadow && share > 0.0;
-        float reach = traces ? arriving.point.distance - RAY_START : -1.0;
-        bool blocked = is_shadowed(site.origin, arriving.point.direction, reach, hash(seed, pick));
-        irradiance += blocked || share <= 0.0 ? vec3(0.0) : arriving.light * (interval / share);
+        if (factor > 0.0) {
+            uint k = picks.light - 1u;
+            Light light = fetch_light(lights_tex, k);
+            // A light that brings a large part of all is worth more than one point.
+            uint points = has_size(light) ? clamp(uint(brought / picks.interval), 1u, SAMPLES) : 1u;
+            irradiance += factor * light_from_light(site, k, light, points);
+        }
     }
     return irradiance;
 }
-#elif HAS_LIGHTS
+#else
 vec3 light_from_lights(Site site)
 {
     vec3 irradiance = vec3(0.0);
     for (uint k = 0u; k < light_count; ++k) {
         Light light = fetch_light(lights_tex, k);
-        if ((light.flags & RAY_DIFFUSE) == 0u) {
-            continue;
-        }
-        uint seed = hash(site.seed + k, random_seed);
-        bool has_size = light.radius_grid > (light.kind == LIGHT_SUN ? 0.01 : 0.25);
-        uint samples = has_size ? max(SAMPLES / point_count, 1u) : 1u;
-        vec3 sum = vec3(0.0);
-        for (uint i = 0u; i < samples; ++i) {
-            LightSample s = sample_light(light, site.origin, sample_2d(i, seed));
-            float cosine = dot(site.shading_normal, s.direction);
-            if (cosine <= 0.0 || max_component(s.irradiance) <= 0.0 || !leaves_surface(site, s.direction)) {
-                continue;
-            }
-            bool blocked = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u &&
-                           is_shadowed(site.origin, s.direction, s.distance - RAY_START, hash(seed, i));
-            sum += blocked ? vec3(0.0) : s.irradiance * cosine;
-        }
-        irradiance += sum / float(samples);
+        uint points = has_size(light) ? max(SAMPLES / point_count, 1u) : 1u;
+        irradiance += light_from_light(site, k, light, (light.flags & RAY_DIFFUSE) == 0u ? 0u : points);
     }
     return irradiance;
 }
+#endif
 #endif
 
 #if HAS_EMITTERS
@@ -213,14 +209,25 @@ vec3 light_from_world(Site site)
 
 void main()
 {
+#if FINDS_CHANGED && HAS_REACH
+    // Most faces need no more than this.
+    uint number = site_first + invocation_index();
+    uint face = number < face_count ? texelFetch(face_order_tex, list_texel(number), 0).r : 0u;
+    vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(face), 0).xyz);
+    uint reach = texelFetch(reach_tex, clamp(ivec3(place), ivec3(0), grid_size - 1) / BRICK, 0).r;
+    Site site = Site(number < face_count ? face : NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0));
+    for (bool unsure = reach != 0u; unsure; unsure = false) {  // not an `if`, whose inside software rasterizers always run
+        site = site_of_thread();
+    }
+#else
     Site site = site_of_thread();
+#endif
     if (site.face == NONE_INDEX) {
         return;
     }
     vec3 irradiance = vec3(0.0);
     float points = 0.0;
 #if FINDS_CHANGED && HAS_REACH
-    uint reach = texelFetch(reach_tex, clamp(ivec3(site.origin), ivec3(0), grid_size - 1) / BRICK, 0).r;
     uint end = reach != 0u ? point_count : 0u;
 #else
     uint end = point_count;
