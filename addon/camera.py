@@ -65,6 +65,13 @@ class CameraRays:
         depth_range = (nearest, max(farthest, nearest + 1.0))
         return cls(size, origin, direction, clip_from_grid, eye, forward, depth_range)
 
+    @property
+    def eye(self) -> tuple[float, float, float, float]:
+        """Homogeneous, grid space: where rays come from, or, of an orthographic camera, against which direction."""
+        is_perspective = not self.origin[1].any()
+        x, y, z = self.position if is_perspective else -self.forward
+        return float(x), float(y), float(z), float(is_perspective)
+
     def uniforms(self, offset: tuple[float, float]) -> dict[str, Any]:
         """Values for lib/camera.glsl; ``offset``: place in the pixel, (0.5, 0.5) is its centre."""
         names = ("ray_origin", "ray_origin_x", "ray_origin_y", "ray_direction", "ray_direction_x", "ray_direction_y")

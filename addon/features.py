@@ -56,7 +56,8 @@ class Features:
     draws_world_at_pixels: bool
     gathers_emission: bool  # rays bring the emission that they meet
     reflects_emission: bool
-    keeps_light: bool  # passes or frames take over light at pixels from those before
+    keeps_light: bool  # passes or frames take over diffuse light at pixels from those before
+    keeps_reflections: bool  # and reflections
 
     @classmethod
     def from_scene(
@@ -110,6 +111,8 @@ class Features:
             )
             for light in scene.lights
         )
+        # Noise is told from passes that know nothing of each other.
+        keeps = settings.noise_threshold <= 0.0 and (settings.reuse_frames or settings.gather_interval > 1)
         return cls(
             has_geometry=has_geometry,
             has_smooth_shading=smooth_shading,
@@ -139,9 +142,8 @@ class Features:
             draws_world_at_pixels=draws_world,
             gathers_emission=gathers_emission,
             reflects_emission=reflects_emission,
-            keeps_light=gather
-            and settings.noise_threshold <= 0.0  # noise is told from passes that know nothing of each other
-            and (settings.reuse_frames or settings.gather_interval > 1),
+            keeps_light=gather and keeps,
+            keeps_reflections=glossy and keeps,
         )
 
     @property

@@ -10,12 +10,14 @@ pieces of work of well under half a second, so that a caller can show progress a
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from . import checks
 from .camera import CameraRays, pixel_offset
 from .edit import MAX_INSTANCES, Edit, edit_between
 from .features import Features
@@ -27,7 +29,7 @@ from .passes.cones import ConeVolume
 from .passes.direct import DirectPass
 from .passes.emitters import EmitterTable
 from .passes.face_changes import FaceChanges
-from .passes.frame import Frame, LitVoxels
+from .passes.frame import Frame, Gather, LitVoxels
 from .passes.gather import GatherPass
 from .passes.geometry import GeometryPass
 from .passes.guide import GuidePass
@@ -47,6 +49,8 @@ from .sharing import shares_triangles
 
 #: Share of the bricks up to which voxels are taken over from those before.
 MOST_CHANGED = 0.5
+#: First random point of reflections that are found where none of earlier passes could be taken over.
+FILLING = 1 << 20
 #: Voxels do not become coarser than this for want of memory.
 LEAST_RESOLUTION = 16
 
@@ -133,7 +137,8 @@ class Pipeline:
             for name in ("gathered", "gathered_emitted", "reflected", "reflected_emitted")
         }
         self._reflect = ReflectPass(gpu)
-        self._history = LightHistory(gpu)
+        self._history = LightHistory(gpu, glossy=False)
+        self._glossy_history = LightHistory(gpu, glossy=True)
         self._scene: SceneData | None = None
         self._placed: SceneData | None = None  # what the geometry was made of
         self._settings = Settings()
@@ -244,6 +249,8 @@ class Pipeline:
                 if edit is None or edit.has_meshes or not self._geometry.update(scene, edit.instances):
                     self._geometry.run(scene, placed_grid, materials)
                 self._placed = scene
+            if settings.debug_checks and self._geometry.geometry is not None:
+                checks.check_geometry(self._geometry.geometry)
             if edit is None or self._emitters.may_include(scene, edit.instances, materials):
                 memo.forget("emitters", "links", "radiance")
             memo.forget("voxels")
@@ -288,6 +295,8 @@ class Pipeline:
                 geometry, materials, self._materials, has_faces=features.needs_radiance, changed=changed
             ):
                 yield Progress(0.05 + 0.25 * share, "Voxelizing")
+            if settings.debug_checks and self._voxelize.voxels is not None:
+                checks.check_voxels(self._voxelize.voxels, geometry.triangle_count)
             memo.done("voxels", features.needs_radiance)
             redone["cells"] = self._voxelize.made
         voxels = self._voxelize.voxels
@@ -364,9 +373,18 @@ class Pipeline:
 
     def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
         """Light at pixels stays right while all but the camera stays; outputs say which kinds of it are kept."""
-        if self.features is None or not self.features.keeps_light:
-            self._history.forget()
-            self._history.release()
+        features = self.features
+        kept = []
+        for history, keeps in (
+            (self._history, features is not None and features.keeps_light),
+            (self._glossy_history, features is not None and features.keeps_reflections),
+        ):
+            if keeps:
+                kept.append(history)
+            else:
+                history.forget()
+                history.release()
+        if not kept:
             self._memo.forget("history")
             return
         inputs = (
@@ -374,9 +392,10 @@ class Pipeline:
             tuple(vars(settings).values()), tuple(sorted(self._wanted)),
         )  # fmt: skip
         continues = not self._memo.stale("history", *inputs) and follows and settings.reuse_frames
-        self._history.start(
-            self._camera, settings.samples, settings.gather_interval, self.film.samples, continues=continues
-        )
+        for history in kept:
+            history.start(
+                self._camera, settings.samples, settings.gather_interval, self.film.samples, continues=continues
+            )
         self._memo.done("history", *inputs)
 
     def _light_voxels(
@@ -395,6 +414,8 @@ class Pipeline:
                 changes=None if before.stale("links", *links) else changes,
             ):  # fmt: skip
                 yield Progress(0.3 + 0.5 * share, "Linking voxels")
+            if settings.debug_checks:
+                checks.check_links(self._links, voxels.faces.count)
             memo.done("links", *links)
             redone["linked_faces"] = self._links.linked
         if not features.needs_links:
@@ -423,6 +444,9 @@ class Pipeline:
             passed = self._links if features.needs_links else None
             for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings, self._neighbours.sharing):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
+            if settings.debug_checks:
+                straight = passed.straight if passed else None
+                checks.check_radiance(voxels, self._bounce.radiance[0], self._inject.irradiance, straight)
             if not self._is_live:
                 self._inject.release()  # whatever changes the light injects it anew
             memo.done("radiance", *light)
@@ -471,9 +495,17 @@ class Pipeline:
         if features.has_diffuse_gather and gather is not None:
             for share in self._gather.run(frame, lit, self._direct.diffuse, keeps_emitted=splits):
                 yield Progress(0.4 + 0.3 * share, "Indirect light")
+        reflects = frame
         if features.has_glossy:
-            for share in self._reflect.run(frame, lit, self._surface, surfaces, keeps_emitted=splits):
-                yield Progress(0.7 + 0.2 * share, "Reflections")
+            self._reflect.allocate(self._size, emitted=splits, layers=features.follows_glossy)
+            if features.keeps_reflections:
+                turn = self._glossy_history.gather(index)
+                reflects = dataclasses.replace(
+                    frame, gather=turn, sample=turn.sample if turn else FILLING + frame.sample
+                )
+            if not features.keeps_reflections or reflects.gather is not None:
+                for share in self._reflect.run(reflects, lit, self._surface, surfaces):
+                    yield Progress(0.7 + 0.2 * share, "Reflections")
         lights = {
             "gathered": self._gather.incoming,
             "gathered_emitted": self._gather.emitted,
@@ -482,15 +514,19 @@ class Pipeline:
         }
         for number, (name, sharing) in enumerate(self._sharing.items()):
             light = lights[name]
-            found = gather if name.startswith("gathered") else frame
-            is_smooth = features.gather_cones and name.startswith("gathered")
-            if light is None or is_smooth or not features.has_reconstruction:
+            is_diffuse = name.startswith("gathered")
+            found: Frame | Gather | None = gather
+            if not is_diffuse:
+                found = reflects.gather if features.keeps_reflections else frame
+            if light is None or (is_diffuse and features.gather_cones) or not features.has_reconstruction:
                 sharing.release()
                 continue
             if found is not None:
                 for share in sharing.run(frame, light, found.index):
                     yield Progress(0.9 + 0.05 * (number + share) / len(lights), "Sharing light")
-            lights[name] = sharing.shared
+                lights[name] = sharing.shared
+            elif is_diffuse:
+                lights[name] = sharing.shared
         if features.keeps_light:
             kept = [light for name, light in lights.items() if light is not None and name.startswith("gathered")]
             for share in self._history.run(frame, kept):
@@ -498,9 +534,20 @@ class Pipeline:
             if gather is None:
                 for share in self._gather.fill(frame, lit, kept):
                     yield Progress(0.97 + 0.03 * share, "Indirect light")
+        if features.keeps_reflections:
+            kept = [light for name, light in lights.items() if light is not None and name.startswith("reflected")]
+            for share in self._glossy_history.run(reflects, kept):
+                yield Progress(0.97 + 0.01 * share, "Light of earlier passes")
+            if reflects.gather is None:
+                for share in self._reflect.run(reflects, lit, self._surface, surfaces, fills=True):
+                    yield Progress(0.98 + 0.02 * share, "Reflections")
         at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
+        if settings.debug_checks:
+            checks.check_pixels(frame, at_pixels)
         self.film.add(frame, lit, scene, at_pixels)
         self.gpu.check()
+        if settings.debug_checks:
+            checks.check_film(self.film)
         yield Progress(1.0, "Pass done")
 
     def rays_at(self, place: tuple[float, float]) -> SeenRays | None:
@@ -550,6 +597,7 @@ class Pipeline:
             *self._sharing.values(),
             self._reflect,
             self._history,
+            self._glossy_history,
             self._cones,
             self._guides,
             self._bounce,

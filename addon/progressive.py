@@ -29,6 +29,10 @@ _PASSES_AFTER_DRAFT = 4
 _RESERVE = 0.8
 
 
+#: Settings that change nothing in a pass.
+_OF_NO_MATTER = ("samples", "viewport_samples", "viewport_fps", "viewport_statistics", "time_limit")
+
+
 @dataclass(frozen=True, eq=False)
 class Target:
     """What is to be shown. Two targets are the same only when they are one object."""
@@ -44,6 +48,17 @@ class Target:
             return False
         parts = ("meshes", "instances", "materials", "lights", "world")
         return all(getattr(self.scene, name) is getattr(other.scene, name) for name in parts)
+
+
+    def continues(self, other: Target | None) -> bool:
+        """Whether its picture is that of ``other``, with more or fewer passes, or other time for them."""
+        if other is None or self.size != other.size or self.output != other.output:
+            return False
+        free = {name: getattr(other.settings, name) for name in _OF_NO_MATTER}
+        if dataclasses.replace(self.settings, **free) != other.settings:
+            return False
+        pairs = [(getattr(self.scene, f.name), getattr(other.scene, f.name)) for f in dataclasses.fields(self.scene)]
+        return all(a is b or (isinstance(a, (bool, float)) and a == b) for a, b in pairs)
 
 
 class MotionResolution:
@@ -109,6 +124,7 @@ class Progressive:
         self._is_shown = False  # there was a draft of the target
         self._is_motion = False  # only the view has changed since the last target
         self._hidden_passes = 0  # that are not shown, as the draft is better still
+        self._started = 0.0  # when work on the target began
         self._spent = 0.0  # seconds on the draft, as far as they follow from its resolution
 
     def work(self, target: Target, seconds: float) -> bool:
@@ -167,11 +183,14 @@ class Progressive:
     def _is_done(self, target: Target) -> bool:
         if target is not self._target or self._is_draft or not self._has_pass or self._steps is not None:
             return False
-        film = self.pipeline.film
-        return film.samples >= target.settings.samples or film.is_converged
+        film, limit = self.pipeline.film, target.settings.time_limit
+        is_late = 0.0 < limit <= self._clock() - self._started
+        return film.samples >= target.settings.samples or film.is_converged or is_late
 
     def _next_steps(self, target: Target, seconds: float) -> bool:
         """Sees to it that there is something to do. Returns False when there is nothing left."""
+        if target is not self._target and target.continues(self._target):
+            self._target = target
         if target is not self._target and (self._target is None or self._is_shown):
             self._is_motion = target.sees_the_same(self._target)
             self._is_shown = False
@@ -194,6 +213,8 @@ class Progressive:
     def _prepare(self, target: Target, size: tuple[int, int], *, is_draft: bool) -> None:
         self._target, self._size, self._is_draft, self._spent = target, size, is_draft, 0.0
         self._has_pass = self._is_sampling = False
+        if is_draft:
+            self._started = self._clock()
         settings = dataclasses.replace(target.settings, reuse_frames=True) if is_draft else target.settings
         self.pipeline.want({target.output})
         self._steps = self.pipeline.prepare(target.scene, settings, size, follows=is_draft and self._is_motion)

@@ -137,8 +137,8 @@ class Settings:
     gather_interval: int = _setting(
         "Gather Interval",
         1,
-        "Diffuse light from around is gathered in one of so many samples; the others smooth edges and shadows, and "
-        "take over what was gathered. With a noise threshold, all gather.",
+        "Diffuse light from around, and reflections, are gathered in one of so many samples; the others smooth edges "
+        "and shadows, and take over what was gathered. With a noise threshold, all gather.",
         Panel.SAMPLING,
         cost="time falls with it",
         lo=1,
@@ -148,9 +148,9 @@ class Settings:
     reuse_frames: bool = _setting(
         "Reuse Frames",
         False,
-        "Frames of an animation in which only the camera moves take over diffuse light from the frame before, where it "
-        "saw the same surfaces, and gather less: quicker, with less noise and flicker. A frame then depends on those "
-        "rendered before it. Needs Persistent Data, and no noise threshold.",
+        "Frames of an animation in which only the camera moves take over diffuse light and rough reflections from the "
+        "frame before, where it saw the same surfaces, and gather less: quicker, with less noise and flicker. A frame "
+        "then depends on those rendered before it. Needs Persistent Data, and no noise threshold.",
         Panel.SAMPLING,
         cost="memory for pictures of light; time falls",
     )
@@ -360,6 +360,12 @@ class Settings:
         hi=240,
         soft_hi=60,
     )
+    viewport_statistics: bool = _setting(
+        "Statistics",
+        False,
+        "The text in a viewport tells what each pass of the picture took, in milliseconds.",
+        Panel.VIEWPORT,
+    )
     viewport_pass: str = _setting(
         "Pass",
         "COMBINED",
@@ -403,12 +409,20 @@ class Settings:
     time_limit: float = _setting(
         "Time Limit",
         0.0,
-        "Stop after this time with the passes done so far. 0: no limit.",
+        "Stop after this time with the passes done so far, in viewports too. 0: no limit.",
         Panel.PERFORMANCE,
         lo=0.0,
         hi=1e6,
         soft_hi=3600.0,
         unit=Unit.SECOND,
+    )
+    debug_checks: bool = _setting(
+        "Debug Checks",
+        False,
+        "What each pass has written is read back and checked: finite, in range, nothing lost. The first thing that "
+        "cannot be ends the render, with an error that names it.",
+        Panel.PERFORMANCE,
+        cost="much: all that is made is read back",
     )
 
     @classmethod

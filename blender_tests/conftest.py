@@ -1,12 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fixtures for tests that need Blender; they are skipped where there is none."""
+"""Fixtures for all tests, and for those that need Blender; these are skipped where there is none."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from typing import Any
 
 import pytest
+
+
+@pytest.fixture(autouse=True)
+def debug_checks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With CONELIGHT_DEBUG_CHECKS=1 everything that tests render in their own process is checked as it is made."""
+    if os.environ.get("CONELIGHT_DEBUG_CHECKS", "") in ("", "0"):
+        return
+    from addon.pipeline import Pipeline
+
+    prepare = Pipeline.prepare
+
+    def checked(self: Any, scene: Any, settings: Any, *given: Any, **more: Any) -> Any:
+        return prepare(self, scene, settings.with_values(debug_checks=True), *given, **more)
+
+    monkeypatch.setattr(Pipeline, "prepare", checked)
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -19,6 +20,9 @@ from .program import ShaderError, Source, resolve
 from .state import saved_state
 
 _DISPATCH_INDIRECT_BUFFER = 0x90EE
+
+#: moderngl has one context for all threads that it hands out, and each that is made takes its place.
+_coming = threading.Lock()
 
 
 #: What glGetGraphicsResetStatus gives while all is well.
@@ -135,7 +139,7 @@ class GpuContext:
         """Wrap the GL context that is current on this thread. Raises GpuUnavailable."""
         try:
             source = loader.current_context_loader()
-            with saved_state(source):  # moderngl changes state when it comes
+            with _coming, saved_state(source):  # moderngl changes state when it comes
                 moderngl.init_context(source)
                 return cls(moderngl.get_context(), owned=False)
         except GpuUnavailable:
@@ -153,7 +157,9 @@ class GpuContext:
         if sys.platform.startswith("linux"):
             settings = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
         try:
-            return cls(moderngl.create_context(require=430, standalone=True, **settings), owned=True)
+            with _coming:
+                mgl = moderngl.create_context(require=430, standalone=True, **settings)
+            return cls(mgl, owned=True)
         except GpuUnavailable:
             raise
         except Exception as error:

@@ -44,6 +44,7 @@ class ConelightEngine(bpy.types.RenderEngine):
     _session: Session | None = None
     _viewport: Viewport | None = None
     _failed: bool = False
+    _problem_in_panels: str | None = None
     _last_pause: float = 0.0
 
     def update_render_passes(self, scene: Any = None, renderlayer: Any = None) -> None:
@@ -169,8 +170,19 @@ class ConelightEngine(bpy.types.RenderEngine):
         assert self._viewport is not None
         text = self._viewport.draw(context, depsgraph, int(self.get_preview_pixel_size(depsgraph.scene)))
         self.update_stats("Conelight", text)
+        if self._viewport.problem != self._problem_in_panels:
+            self._problem_in_panels = self._viewport.problem
+            _redraw_panels()
         if not self._viewport.is_done:
             self.tag_redraw()
+
+
+def _redraw_panels() -> None:
+    """Has the editors drawn anew in which panels say what is wrong."""
+    for window in bpy.context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "PROPERTIES":
+                area.tag_redraw()
 
 
 @bpy.app.handlers.persistent

@@ -77,7 +77,7 @@ class Slices:
             if self.progressive.work(target, seconds):
                 self._inbox.keep(pipeline.film, self.progressive.output)
             self.status, self.reported = self.progressive.status(target), target
-            self.facts = _facts(pipeline)
+            self.facts = _facts(pipeline, each_pass=target.settings.viewport_statistics)
         self.find_rays()
 
     def find_rays(self) -> None:
@@ -226,17 +226,20 @@ class Viewport:
         return " | ".join(part for part in parts if part)
 
 
-def _facts(pipeline: Any) -> str:
-    """Voxels and memory of a pipeline, and how much the last change of the scene has cost."""
-    memory = f"{sum(pipeline.gpu.memory.values()) / 2**20:.0f} MiB"
-    if pipeline.grid is None:
-        return memory
-    counts = pipeline.statistics()
-    shares = (
-        f"{name} {counts['redone'][key] / max(counts[total], 1):.1%}"
-        for name, key, total in (
-            ("voxels", "cells", "occupied"), ("links", "linked_faces", "faces"), ("light", "lit_faces", "faces"),
-        )
-    )  # fmt: skip
-    size = " x ".join(map(str, pipeline.grid.size))
-    return f"{size} voxels | {memory} | made again: " + ", ".join(shares)
+def _facts(pipeline: Any, *, each_pass: bool) -> str:
+    """Voxels and memory of a pipeline, and what ``each_pass`` took for this picture, longest first."""
+    facts = [f"{sum(pipeline.gpu.memory.values()) / 2**20:.0f} MiB"]
+    if pipeline.grid is not None:
+        facts.insert(0, " x ".join(map(str, pipeline.grid.size)) + " voxels")
+        facts.append(_made_again(pipeline.statistics()))
+    if each_pass:
+        times = sorted(pipeline.gpu.times.items(), key=lambda entry: -entry[1].gpu_ms)
+        facts += [f"{name} {time.gpu_ms / max(time.calls, 1):.1f} ms x {time.calls}" for name, time in times]
+    return " | ".join(facts)
+
+
+def _made_again(statistics: dict[str, Any]) -> str:
+    """Shares of voxels and of their light that the last change of the scene has cost."""
+    parts = (("voxels", "cells", "occupied"), ("links", "linked_faces", "faces"), ("light", "lit_faces", "faces"))
+    shares = [f"{name} {statistics['redone'][key] / max(statistics[of], 1):.1%}" for name, key, of in parts]
+    return "made again: " + ", ".join(shares)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Diffuse light at pixels that passes take over from those before, and frames from the frames before."""
+"""Light at pixels that passes take over from those before, and frames from the frames before."""
 
 from __future__ import annotations
 
@@ -36,8 +36,9 @@ class _Record:
 class LightHistory:
     """Owns the light of this frame and of the last one, and says which passes gather."""
 
-    def __init__(self, gpu: GpuContext) -> None:
+    def __init__(self, gpu: GpuContext, *, glossy: bool) -> None:
         self.gpu = gpu
+        self.glossy = glossy
         self._now: _Record | None = None
         self._last: _Record | None = None  # made when a frame first takes over light
         self._key: tuple = ()
@@ -47,7 +48,7 @@ class LightHistory:
         """What is known belongs to another scene."""
         self._cameras: list[CameraRays] = []  # this frame's, the last one's
         self._first_sample = self._first_gather = 0  # of this frame, counted through
-        self._interval = self._gathers = 1
+        self._interval = self._gathers = self._base = 1
 
     def start(self, camera: CameraRays, samples: int, interval: int, taken: int, *, continues: bool) -> None:
         """Begin a frame of ``samples`` passes of which one in ``interval`` gathers.
@@ -55,6 +56,7 @@ class LightHistory:
         ``continues``: all but the camera is as it was in the last frame, which took ``taken`` passes: 0 leave
         nothing to take over.
         """
+        base = interval  # of frames that take over nothing
         if continues and taken:
             self._first_sample += taken
             self._first_gather += -(-taken // self._interval)
@@ -64,7 +66,7 @@ class LightHistory:
         else:
             self.forget()
             self._cameras = [camera]
-        self._interval = interval
+        self._interval, self._base = interval, base
         self._gathers = max(1, -(-samples // interval))
 
     def sample(self, index: int) -> int:
@@ -90,12 +92,16 @@ class LightHistory:
         before = now if gather is None else last
         matrix = self._cameras[0 if gather is None else -1].raster_matrix((0.5, 0.5))
         kernel = self.gpu.kernel(
-            "history", frame.defines | {"KINDS": len(lights), "LOOKS_UP": gather is None, "TAKES_OVER": takes_over}
+            "history",
+            frame.defines
+            | {"KINDS": len(lights), "LOOKS_UP": gather is None, "TAKES_OVER": takes_over, "GLOSSY": self.glossy},
         )
 
         def bind() -> None:
             slot = interface.slot
             frame.bind(kernel)
+            if self.glossy:
+                kernel.set(specular_aperture=frame.settings.specular_aperture)
             for kind, light in enumerate(lights):
                 light.bind_to_image(slot("IMG_0") + kind, read=True, write=True)
             if takes_over or gather is None:
@@ -104,8 +110,13 @@ class LightHistory:
                 for kind, mean in enumerate(before.means):
                     mean.use(slot("TEX_BEFORE_0") + kind)
                 kernel.set(before_from_grid=tuple(np.asarray(matrix.T, np.float32).ravel().tolist()))
+            if self.glossy and gather is None:
+                # Sharp reflections take over nothing: they are found as often as in a frame by itself.
+                kernel.set(least_passes=2.0 if len(self._cameras) > 1 and frame.index % self._base == 0 else 1.0)
             if takes_over:
                 kernel.set(most_passes=float(LONGEST * self._gathers))
+                if self.glossy:
+                    kernel.set(before_eye=self._cameras[-1].eye)
             if gather is not None:
                 for kind, mean in enumerate(now.means):
                     mean.bind_to_image(slot("IMG_3") + kind, read=True, write=True)

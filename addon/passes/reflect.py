@@ -59,13 +59,13 @@ class ReflectPass:
         self._key = (size, emitted, layers)
 
     def run(
-        self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces, *, keeps_emitted: bool
+        self, frame: Frame, lit: LitVoxels, surface_pass: SurfacePass, surfaces: Surfaces, *, fills: bool = False
     ) -> Iterator[float]:
-        """Yields the share done. ``keeps_emitted``: fill ``emitted`` too."""
+        """Yields the share done. ``fills``: only where w of ``radiance`` is negative. Call ``allocate`` before."""
         features, settings = frame.features, frame.settings
-        self.allocate(frame.size, emitted=keeps_emitted, layers=features.follows_glossy)
         layers = settings.glossy_layers if features.follows_glossy else 0
-        for share in self._reflect(frame, lit, first=True, last=layers == 0):
+        keeps_emitted = self.emitted is not None
+        for share in self._reflect(frame, lit, first=True, last=layers == 0, fills=fills):
             yield share / (1 + layers)
         for number in range(1, layers + 1):
             assert self._layer is not None and self._followed is not None
@@ -78,7 +78,9 @@ class ReflectPass:
             for _ in self._reflect(layer, lit, first=False, last=number == layers):
                 yield before
 
-    def _reflect(self, frame: Frame, lit: LitVoxels, *, first: bool, last: bool) -> Iterator[float]:
+    def _reflect(
+        self, frame: Frame, lit: LitVoxels, *, first: bool, last: bool, fills: bool = False
+    ) -> Iterator[float]:
         """One ray from each pixel of a layer, and where it leads."""
         features, settings, slot = frame.features, frame.settings, interface.slot
         keeps_emitted = first and self.emitted is not None
@@ -95,6 +97,7 @@ class ReflectPass:
                 "WORLD_IS_DRAWN": features.draws_world_at_pixels,
                 "KEEPS_EMITTED": keeps_emitted,
                 "FIRST_LAYER": first,
+                "FILLS": fills,
                 "HAS_LAYERS": self._layer is not None,
                 "HAS_TRANSMISSION": features.has_transmission,
                 "SHARP_WIDTH": SHARP_WIDTH,

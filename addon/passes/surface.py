@@ -156,13 +156,21 @@ class SurfacePass:
     def shade(self, surfaces: Surfaces, pictures: SurfacePictures, view: View) -> Iterator[float]:
         """Fill ``pictures`` where ``seen`` says which triangle their rays meet first. Yields the share done."""
         if surfaces.geometry.triangle_count:
-            with self.gpu.timed("surface"):
-                for _ in self._evaluate(surfaces, pictures, view):
-                    yield 0.25
+            for _ in self._timed(self._evaluate(surfaces, pictures, view)):
+                yield 0.25
         yield 0.5
         if surfaces.materials.has_transparency and surfaces.geometry.triangle_count:
             yield from self._look_through(surfaces, pictures, view)
         yield 1.0
+
+    def _timed(self, steps: Iterator[None]) -> Iterator[None]:
+        """The same steps, with the time of each counted, and not what is done between them."""
+        is_more = True
+        while is_more:
+            with self.gpu.timed("surface"):
+                is_more = next(steps, steps) is None
+            if is_more:
+                yield
 
     def _rasterize(self, geometry: Geometry, view: View) -> None:
         gpu, camera = self.gpu, view.camera
@@ -272,10 +280,11 @@ class SurfacePass:
     def _look_through(self, surfaces: Surfaces, pictures: SurfacePictures, view: View) -> Iterator[float]:
         for behind in range(1, MAX_LAYERS):
             with self.gpu.timed("surface"):
-                if not self._advance(surfaces.voxels, pictures, view):
-                    return
-                for _ in self._evaluate(surfaces, pictures, view, behind):
-                    yield 0.5
+                is_more = self._advance(surfaces.voxels, pictures, view)
+            if not is_more:
+                return
+            for _ in self._timed(self._evaluate(surfaces, pictures, view, behind)):
+                yield 0.5
             yield 0.5 + 0.5 * behind / MAX_LAYERS
 
     def _advance(self, voxels: Voxels, pictures: SurfacePictures, view: View) -> bool:

@@ -31,6 +31,8 @@ from .voxel_numbers import cell_axes, cell_positions, cell_records, empty_octant
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
 ITEMS_PER_STEP = 1 << 17
 PAIRS_PER_STEP = 1 << 18
+#: One pair in so many more than are expected has room: as triangles lie, they may enter some cells more.
+SPARE_PAIRS = 16
 
 #: Faces stand for points spread evenly from block to block of cells. At least so many blocks lie along the longest
 #: side; in a block rays start alike, which is quicker.
@@ -297,7 +299,7 @@ class VoxelizePass:
         self._temporary.append(work)
         work.bind_to_image(slot("IMG_0"), read=False, write=True)
         run(count=False)
-        return starts, counts[-1], work
+        return starts, counts[-1] + counts[-1] // SPARE_PAIRS + 64, work
 
     def _list_pairs(
         self,

@@ -263,6 +263,16 @@ def test_impossible_vertices(bad: float) -> None:
     assert any('"Broken"' in text for text in rendering.last_warnings()), rendering.last_warnings()
 
 
+@pytest.mark.parametrize("bad", [255, -1, 10**6])
+def test_faces_without_vertices(bad: int) -> None:
+    """What damaged files have, and Blender takes as it is: it is left out, and nothing reads beyond an array."""
+    room()
+    build.add_object("Broken", build.new_mesh("Broken", [(0, 0, 0.01), (0.1, 0, 0.01), (0, 0.1, 0.01)], [(0, 1, 2)]))
+    bpy.data.objects["Broken"].data.attributes[".corner_vert"].data[1].value = bad
+    floor_is_seen(render())
+    assert any('"Broken"' in text for text in rendering.last_warnings()), rendering.last_warnings()
+
+
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), 0.0])
 def test_impossible_placement(bad: float) -> None:
     room()
@@ -332,6 +342,75 @@ def test_unknown_nodes_are_named() -> None:
     bpy.data.objects["Floor"].data.materials[0] = material
     render()
     assert any("Cloth" in text and "Fibres" in text for text in rendering.last_warnings()), rendering.last_warnings()
+
+
+# ---- counts and sizes ---------------------------------------------------------------------------------------------
+
+
+def test_too_many_instances(monkeypatch: pytest.MonkeyPatch) -> None:
+    from addon.host.extract import instances
+
+    room()
+    monkeypatch.setattr(instances, "MOST_INSTANCES", 1)
+    with pytest.raises(rendering.RenderError, match="shows 2 objects and instances, and at most 1 can be rendered"):
+        render()
+
+
+def test_too_large_an_image(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its pixels are never asked for; the object is magenta."""
+    from addon.host.extract import image
+
+    monkeypatch.setattr(image, "MOST_PIXELS", 63)
+    room()
+    material, tree, surface = build.bare_material("Wood")
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = bpy.data.images.new("Vast", 8, 8)
+    emission = build.new_node(tree, "Emission", Strength=1.0)
+    tree.links.new(node.outputs["Color"], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], surface)
+    bpy.data.objects["Floor"].data.materials[0] = material
+    assert render()[6, 8, :3] == pytest.approx([1.0, 0.0, 1.0], abs=1e-3)
+    said = next(text for text in rendering.last_warnings() if "Vast" in text)
+    assert "Wood" in said and "8 x 8 pixels" in said and "Scale it down" in said
+
+
+def test_groups_that_double(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each group uses the one before twice: 2 to the power of 9 nodes in all. (Of 30 levels Blender sees no end.)"""
+    from addon.host.extract import material as module
+
+    monkeypatch.setattr(module, "MOST_NODES", 100)
+    room()
+    material, tree, surface = build.bare_material("Doubling")
+    before = None
+    for number in range(9):
+        group = bpy.data.node_groups.new(f"Group {number}", "ShaderNodeTree")
+        group.interface.new_socket("Value", in_out="OUTPUT", socket_type="NodeSocketFloat")
+        product = build.new_node(group, "Math")
+        for side in range(2 if before else 0):
+            inner = group.nodes.new("ShaderNodeGroup")
+            inner.node_tree = before
+            group.links.new(inner.outputs[0], product.inputs[side])
+        group.links.new(product.outputs[0], group.nodes.new("NodeGroupOutput").inputs[0])
+        before = group
+    outer, diffuse = tree.nodes.new("ShaderNodeGroup"), build.new_node(tree, "BsdfDiffuse")
+    outer.node_tree = before
+    tree.links.new(outer.outputs[0], diffuse.inputs[0])
+    tree.links.new(diffuse.outputs[0], surface)
+    bpy.data.objects["Floor"].data.materials[0] = material
+    render()
+    assert any("Doubling" in text and "more than 100 of them" in text for text in rendering.last_warnings())
+
+
+@pytest.mark.parametrize("size", ["65536x65536", "40000x16"])
+def test_too_large_a_picture(tmp_path: Path, size: str) -> None:
+    room()
+    save(tmp_path / "a.blend")
+    result = subprocess.run(
+        [sys.executable, str(ROOT / "scripts" / "render"), "a.blend", *TINY, "--resolution", size], cwd=tmp_path,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert result.returncode == 1
+    assert f"render: {size.replace('x', ' x ')} pixels cannot be rendered at once" in result.stderr
 
 
 def test_far_from_the_origin() -> None:

@@ -210,3 +210,24 @@ def test_unconnected_light_nodes_give_no_light(extract: Extract) -> None:
     use_nodes(obj.data).links.clear()
     scene = extract()
     assert scene.lights == () and len(scene.warnings) == 1
+
+
+def test_a_viewport_may_leave_lights_out() -> None:
+    """As "Scene Lights" says in its shading; and it says that it has no studio light in the world's place."""
+    from addon.host.extract.scene import SceneReader
+
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    spaces = [area.spaces[0] for screen in bpy.data.screens for area in screen.areas if area.type == "VIEW_3D"]
+    shading = spaces[0].shading
+    reader = SceneReader()
+
+    def read() -> Any:
+        return reader.read(bpy.context.evaluated_depsgraph_get(), (64, 36), viewport=spaces[0])
+
+    shading.use_scene_lights_render = shading.use_scene_world_render = True
+    assert len(read().lights) == 1 and not read().warnings
+    shading.use_scene_lights_render = shading.use_scene_world_render = False
+    found = read()
+    assert not found.lights and any("studio light" in text for text in found.warnings) and found.world is not None
+    shading.use_scene_lights_render = shading.use_scene_world_render = True
+    assert len(read().lights) == 1 and not read().warnings

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import pathlib
 import sys
+from collections.abc import Iterator
 
 import pytest
 from conelight_test import runner
@@ -59,3 +61,31 @@ def test_what_happens_is_counted(tests: pathlib.Path, text: str, line: str, stat
     totals = runner.execute(runner.Run("one", (str(file),)), sys.executable, ["-q", "-p", "no:cacheprovider"])
     assert totals.line() == line
     assert totals.status() == status
+
+
+def test_without_a_window_the_reason_is_said_and_nothing_fails(
+    tests: pathlib.Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tests / "window" / "test_f.py"
+    file.parent.mkdir()
+    file.write_text("def test_it(): assert 0\n")
+    runs = [run for run in runner.plan([], False) if run.needs_window]
+    assert [run.targets for run in runs] == [("blender_tests/window/test_f.py",)]
+
+    @contextlib.contextmanager
+    def environment() -> Iterator[dict[str, str]]:
+        raise runner.window.NoWindow("there is no display")
+        yield {}
+
+    monkeypatch.setattr(runner.window, "environment", environment)
+    totals = runner.run_in_window(runs, sys.executable, [])
+    assert totals == runner.Totals()
+    assert capsys.readouterr().out == "Not tested in a window: there is no display.\n"
+
+
+def test_no_system_is_set_up_by_others_than_root(monkeypatch: pytest.MonkeyPatch, tmp_path: pathlib.Path) -> None:
+    monkeypatch.delenv("CONELIGHT_BLENDER_WINDOW", raising=False)
+    monkeypatch.setattr(runner.window, "READY", str(tmp_path / "ready"))
+    monkeypatch.setattr(runner.window.os, "geteuid", lambda: 1000)
+    with pytest.raises(runner.window.NoWindow, match="root"), runner.window.environment():
+        pass

@@ -86,6 +86,9 @@ def test_light_is_kept_where_something_takes_it_over() -> None:
     lit = room(lights=[SUN])
     assert "keeps_light" in features(lit, Settings(gather_interval=2)) & features(lit, Settings(reuse_frames=True))
     assert "keeps_light" not in features(lit)
+    assert "keeps_reflections" not in features(lit, Settings(gather_interval=2))  # there are none
+    assert "keeps_reflections" in features(lit, Settings(gather_interval=2, use_indirect=False), specular=True)
+    assert "keeps_reflections" not in features(lit, specular=True)
     assert "keeps_light" not in features(lit, Settings(gather_interval=2, reuse_frames=True, use_indirect=False))
 
 

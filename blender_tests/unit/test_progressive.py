@@ -247,3 +247,30 @@ def test_what_an_edit_takes_does_not_lower_the_resolution() -> None:
         finish(work, target(of=scene(materials=(index,))), seconds=0.1)
     prepared = [entry[1] for entry in pipeline.log[-6:] if entry != "pass"]
     assert prepared == [SIZE, SIZE], "passes are quick, so that drafts are sharp"
+
+
+def test_other_numbers_of_passes_go_on_with_the_picture() -> None:
+    """More or fewer of them, another rate, a limit in time: what is there already stays."""
+    pipeline = Counting()
+    drawing, first = progressive(pipeline), target(3)
+    finish(drawing, first)
+    prepared = sum(isinstance(entry, tuple) for entry in pipeline.log)
+    more = dataclasses.replace(
+        first, settings=dataclasses.replace(first.settings, samples=6, viewport_fps=7, viewport_statistics=True)
+    )
+    assert not drawing.status(more).is_done
+    finish(drawing, more)
+    assert pipeline.film.samples == 6 and drawing.status(more).text == "Sample 6/6"
+    fewer = dataclasses.replace(first, settings=dataclasses.replace(first.settings, samples=2))
+    assert not drawing.work(fewer, 1.0) and drawing.status(fewer).is_done
+    assert sum(isinstance(entry, tuple) for entry in pipeline.log) == prepared
+    finish(drawing, dataclasses.replace(first, settings=dataclasses.replace(first.settings, rays=5)))
+    assert sum(isinstance(entry, tuple) for entry in pipeline.log) > prepared, "more rays are another picture"
+
+
+def test_time_has_a_limit() -> None:
+    pipeline = Counting()
+    drawing = progressive(pipeline)
+    limited = Target(scene(), Settings(samples=1000, time_limit=1.0), SIZE)
+    finish(drawing, limited)
+    assert 5 < pipeline.film.samples < 100 and 1.0 <= pipeline.now < 1.2

@@ -9,6 +9,7 @@ import sys
 import time
 
 import bpy
+import numpy as np
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
@@ -166,6 +167,30 @@ def case_f12() -> Steps:
     close_render_windows()
     yield 1.0
     shot("solid_at_the_end")
+
+
+def case_previews() -> Steps:
+    """Icons of materials, as this engine and as Cycles makes them."""
+    install()
+    build_scene()
+    yield 1.0
+    for engine in ("CONELIGHT", "CYCLES"):
+        bpy.context.scene.render.engine = engine
+        for name, kind in (("Sphere", "SPHERE"), ("Torus", "FLAT")):
+            material = bpy.data.materials[name]
+            material.preview_render_type = kind
+            material.preview_ensure()
+            material.preview.image_pixels_float = [0.0] * len(material.preview.image_pixels_float)
+            with bpy.context.temp_override(window=window(), id=material):
+                bpy.ops.ed.lib_id_generate_preview()
+            quiet, last = 0, 0.0
+            while quiet < 20:  # a preview is shown while it is rendered
+                yield 0.1
+                pixels = np.array(material.preview.image_pixels_float, np.float32)
+                quiet = quiet + 1 if pixels.any() and pixels.sum() == last else 0
+                last = float(pixels.sum())
+            side = material.preview.image_size[1]
+            np.save(os.path.join(folder, f"previews_{engine}_{name}.npy"), pixels.reshape(side, -1, 4))
 
 
 def case_panels() -> Steps:

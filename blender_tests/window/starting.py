@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import os
 import pathlib
-import shutil
 import subprocess
 from typing import Any
 
@@ -20,7 +19,6 @@ BLENDER = os.environ.get("CONELIGHT_BLENDER_WINDOW", "")
 MARKS = [
     pytest.mark.skipif(not BLENDER, reason="CONELIGHT_BLENDER_WINDOW names no Blender: no test in a window"),
     pytest.mark.skipif(not os.environ.get("DISPLAY"), reason="there is no display: no test in a window"),
-    pytest.mark.skipif(not shutil.which("xdotool"), reason="there is no xdotool: no test in a window"),
     pytest.mark.slow,
     pytest.mark.timeout(900),
 ]

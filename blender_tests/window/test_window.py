@@ -50,6 +50,20 @@ def test_material_previews_are_rendered(f12: dict[str, Any]) -> None:
     assert f12["previews"] > 0
 
 
+def test_icons_of_materials_look_as_with_cycles(archive: str, folder: pathlib.Path) -> None:
+    """Colour in the middle and what is left free around it. Cycles renders less noise, and the floor in reflections."""
+    measured = drive(DRIVER, "previews", archive, folder, *WINDOW, "--gpu-backend", "opengl")
+    assert measured["previews"] >= 2
+    for name in ("Sphere", "Torus"):
+        found, expected = (np.load(folder / f"previews_{engine}_{name}.npy") for engine in ("CONELIGHT", "CYCLES"))
+        assert found.shape == expected.shape
+        side = len(found)
+        assert np.abs(found[..., 3] - expected[..., 3]).mean() < 0.03, "free where Cycles leaves it free"
+        middle = np.s_[side // 3 : 2 * side // 3, side // 3 : 2 * side // 3, :3]
+        np.testing.assert_allclose(found[middle].mean(), expected[middle].mean(), rtol=0.15)
+    assert np.load(folder / "previews_CONELIGHT_Sphere.npy")[..., 3].min() == 0.0
+
+
 def test_other_engines_still_work(f12: dict[str, Any]) -> None:
     assert f12["eevee"] == "render_complete"
     assert f12["engine_when_disabled"] != "CONELIGHT"

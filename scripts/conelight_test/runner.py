@@ -7,6 +7,7 @@ Blender is one global state for each process, so every file of ``renders`` has a
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import glob
 import json
 import os
@@ -17,6 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import _bootstrap
+
+from . import window
 
 ROOT = _bootstrap.ROOT
 TESTS = os.path.join(ROOT, "blender_tests")
@@ -37,6 +40,7 @@ class Run:
     title: str
     targets: tuple[str, ...]
     environ: dict[str, str] = field(default_factory=dict)
+    needs_window: bool = False
 
 
 @dataclass
@@ -44,6 +48,11 @@ class Totals:
     passed: int = 0
     failed: int = 0
     skipped: int = 0
+
+    def add(self, other: Totals) -> None:
+        self.passed += other.passed
+        self.failed += other.failed
+        self.skipped += other.skipped
 
     def line(self) -> str:
         return f"{self.passed} passed, {self.failed} failed, {self.skipped} skipped"
@@ -76,10 +85,7 @@ def files_under(folder: str) -> list[str]:
 def plan(targets: Sequence[str], second_driver: bool) -> list[Run]:
     """Processes for some targets (none: everything)."""
     by_group: dict[str, list[str]] = {"unit": [], "passes": [], "renders": [], "window": []}
-    groups = ["unit", "passes", "renders"]
-    if os.environ.get("CONELIGHT_BLENDER_WINDOW"):  # names a Blender that can open a window
-        groups.append("window")
-    for target in targets or [os.path.join(TESTS, name) for name in groups]:
+    for target in targets or [os.path.join(TESTS, name) for name in by_group]:
         path, separator, rest = target.partition("::")
         path = os.path.abspath(path)
         for file in [path] if os.path.isfile(path) else files_under(path):
@@ -92,7 +98,7 @@ def plan(targets: Sequence[str], second_driver: bool) -> list[Run]:
             if group == "passes" and second_driver:
                 runs.append(Run(f"blender_tests/{group} on zink", tuple(files), ZINK))
         else:
-            runs += [Run(file, (file,)) for file in files]
+            runs += [Run(file, (file,), needs_window=group == "window") for file in files]
     return runs
 
 
@@ -168,12 +174,32 @@ def main(arguments: Sequence[str]) -> int:
         print("There is no lavapipe on this machine (Debian: mesa-vulkan-drivers; Fedora: mesa-vulkan-drivers): "
               "pass tests run on one OpenGL only.", flush=True)
         second_driver = False
-    for python in pythons():
-        for run in plan(targets, second_driver):
-            print(f"== {run.title}  ({_bootstrap.version_of(python)})", flush=True)
-            counted = execute(run, python, options)
-            total.passed += counted.passed
-            total.failed += counted.failed
-            total.skipped += counted.skipped
+    for number, python in enumerate(pythons()):
+        runs = plan(targets, second_driver)
+        for run in runs:
+            if not run.needs_window:
+                total.add(announced(run, python, options))
+        if number == 0:  # tests in a window use another Blender, with a Python of its own
+            total.add(run_in_window([run for run in runs if run.needs_window], python, options))
     print(total.line(), flush=True)
     return total.status()
+
+
+def announced(run: Run, python: str, options: Sequence[str]) -> Totals:
+    """As :func:`execute`, and says what it does."""
+    print(f"== {run.title}  ({_bootstrap.version_of(python)})", flush=True)
+    return execute(run, python, options)
+
+
+def run_in_window(runs: Sequence[Run], python: str, options: Sequence[str]) -> Totals:
+    """Tests in a window, where one can be had; else says why not."""
+    totals = Totals()
+    if not runs:
+        return totals
+    try:
+        with window.environment() as environ:
+            for run in runs:
+                totals.add(announced(dataclasses.replace(run, environ=environ), python, options))
+    except window.NoWindow as reason:
+        print(f"Not tested in a window: {reason}.", flush=True)
+    return totals

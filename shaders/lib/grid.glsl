@@ -13,6 +13,12 @@ uniform ivec3 grid_size;  // cells, a multiple of BRICK on each axis
 // the octant's number stand for: 1 down along x, 2 down along y, 4 down along z.
 layout(binding = TEX_BRICKS) uniform usampler3D bricks_tex;
 
+// First bit of the size of that cube, for rays that go down along these axes.
+int octant_bit(bvec3 down)
+{
+    return 4 * (int(down.x) + 2 * int(down.y) + 4 * int(down.z));
+}
+
 uint brick_bit(ivec3 cell)
 {
     ivec3 c = cell & (BRICK - 1);

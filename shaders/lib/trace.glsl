@@ -54,7 +54,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         return hit;
     }
     ivec3 cell = clamp(ivec3(floor(start + d * t)), ivec3(0), grid_size - 1);
-    int octant = 4 * (int(turned.x) + 2 * int(turned.y) + 4 * int(turned.z));  // first bit of its empty cubes
+    int octant = octant_bit(turned);
 
     // Two loops that take turns: step until every ray of the group stands in an occupied cell, then test triangles.
     // Software rasterizers run both sides of an `if` but leave out a loop that no ray enters.
@@ -138,4 +138,15 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
 bool is_blocked(vec3 origin, vec3 direction, float limit, uint seed)
 {
     return trace(origin, direction, limit, RAY_SHADOW, true, seed).triangle != NONE_INDEX;
+}
+
+// Whether something stands between a receiver at origin and a point on a light, `distance` cells along direction. The ray
+// comes from the light, unless that is infinitely far: what is in the way of many receivers is met early, and what lies
+// around the receiver is asked only where nothing is in the way.
+bool is_shaded(vec3 origin, vec3 direction, float distance, uint seed)
+{
+    bool comes = distance < 1e29;
+    vec3 start = comes ? origin + direction * (distance - RAY_START) : origin;
+    float limit = comes ? distance * (1.0 - 4e-6) - 2.0 * RAY_START : distance;  // ends of long rays are inexact
+    return is_blocked(start, comes ? -direction : direction, limit, seed);
 }

@@ -103,7 +103,7 @@ void add_emitters(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed
             distance = s.distance;
         }
     }
-    if (chosen > 0.0 && !is_blocked(origin, direction, distance - RAY_START, hash(seed, sample_index + 0x3C6EF3u))) {
+    if (chosen > 0.0 && !is_shaded(origin, direction, distance, hash(seed, sample_index + 0x3C6EF3u))) {
         diffuse += chosen_diffuse * (total / chosen);
         glossy += chosen_glossy * (total / chosen);
     }
@@ -179,7 +179,7 @@ void add_light(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint pixel_s
         visible = cone_visibility(p.position, side, s.direction, tan(angle), s.distance);
 #else
         vec3 from = behind ? p.position - p.geometric_normal * RAY_START : origin;
-        visible = is_blocked(from, s.direction, s.distance - RAY_START, hash(seed, sample_index)) ? 0.0 : 1.0;
+        visible = is_shaded(from, s.direction, s.distance, hash(seed, sample_index)) ? 0.0 : 1.0;
 #endif
         visible = mix(1.0, visible, shadow_amount);
     }

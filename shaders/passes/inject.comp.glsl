@@ -57,6 +57,16 @@ bool is_shadowed(vec3 origin, vec3 direction, float limit, uint seed)
 #endif
 }
 
+bool shades(vec3 origin, vec3 direction, float distance, uint seed)
+{
+#if FINDS_CHANGED
+    has_changed = has_changed || crosses_box(origin, direction, distance, 0.0);
+    return false;
+#else
+    return is_shaded(origin, direction, distance, seed);
+#endif
+}
+
 // Point k of what a face stands for: points are spread evenly over the plane of its surface in its cell. `face` is
 // NONE_INDEX where there is no surface, or it is hidden from the first point.
 Site site_point(Site site, uint k)
@@ -110,9 +120,9 @@ vec3 light_from_light(Site site, uint k, Light light, uint points)
         if (cosine <= 0.0 || max_component(s.irradiance) <= 0.0 || !leaves_surface(site, s.direction)) {
             continue;
         }
-        bool blocked = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u &&
-                       is_shadowed(site.origin, s.direction, s.distance - RAY_START, hash(seed, i));
-        sum += blocked ? vec3(0.0) : s.irradiance * cosine;
+        bool traces = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u;
+        bool shaded = traces && shades(site.origin, s.direction, s.distance, hash(seed, i));
+        sum += shaded ? vec3(0.0) : s.irradiance * cosine;
     }
     return sum / float(max(points, 1u));
 }
@@ -146,7 +156,8 @@ vec3 light_from_lights(Site site)
             uint k = picks.light - 1u;
             Light light = fetch_light(lights_tex, k);
             // A light that brings a large part of all is worth more than one point.
-            uint points = has_size(light) ? clamp(uint(brought / picks.interval), 1u, SAMPLES) : 1u;
+            uint most = has_size(light) ? max(SAMPLES / point_count, 1u) : 1u;
+            uint points = clamp(uint(brought / picks.interval), 1u, most);
             irradiance += factor * light_from_light(site, k, light, points);
         }
     }
@@ -179,7 +190,7 @@ vec3 light_from_emitters(Site site)
             !leaves_surface(site, s.direction)) {
             continue;
         }
-        bool blocked = is_shadowed(site.origin, s.direction, s.distance - RAY_START, hash(seed, i + 0x517CC1u));
+        bool blocked = shades(site.origin, s.direction, s.distance, hash(seed, i + 0x517CC1u));
         float weight = mis_weight(density, link_count * cosine / PI);
         irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
     }

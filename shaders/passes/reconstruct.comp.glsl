@@ -14,7 +14,7 @@
 #include "lib/pixel.glsl"
 #include "lib/camera.glsl"
 #if GLOSSY
-#include "lib/closure.glsl"
+#include "lib/lobe.glsl"
 #endif
 
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
@@ -27,27 +27,18 @@ uniform int stride;            // pixels
 uniform float tolerance;       // error at which a weight becomes zero: a share of the light
 uniform float least_radius;    // pixels: light is shared so far even where surfaces are near
 #if GLOSSY
-uniform float specular_aperture;
-#endif
-
-#if GLOSSY
-// Share of the light within the lobe that the surface at a pixel reflects.
 vec3 specular_color(ivec2 at)
 {
-    Pixel p = fetch_pixel(at);
     vec3 origin, direction;
     camera_ray(at, origin, direction);
-    float cosine = abs(dot(direction, p.normal));
-    return max(specular_directional_albedo(p.f0, p.f90, p.ior, sqrt(p.alpha), cosine) + p.transmission, 1e-3);
+    return specular_color(fetch_pixel(at), direction);
 }
 #endif
 
-// Tangent of half the angle that holds about half of the lobe.
 float lobe_width(ivec2 at)
 {
 #if GLOSSY
-    float roughness = texelFetch(diffuse_tex, at, 0).w;
-    return max(2.0 * roughness * roughness * specular_aperture, 1e-4);
+    return lobe_width(texelFetch(diffuse_tex, at, 0).w);
 #else
     return 1.0;
 #endif
@@ -114,9 +105,7 @@ void main()
 #endif
             bool usable = there == at + step * (side * stride) && other_position.w == 1.0;
 #if GLOSSY
-            // Where lobes take turns, those of another width have other light.
-            float other_lobe = lobe_width(there);
-            usable = usable && max(lobe, other_lobe) < 2.0 * min(lobe, other_lobe);
+            usable = usable && are_lobes_alike(lobe, lobe_width(there));
 #endif
             weight = usable ? min(weight, max(0.0, 1.0 - error / tolerance)) : 0.0;
             pair += other;

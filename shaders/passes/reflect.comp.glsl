@@ -2,7 +2,8 @@
 // Reflections at each pixel of a layer, and what is seen through glass: what one ray, drawn from the GGX lobe's visible
 // normals, meets: surfaces, lights, the world. A surface that is met is looked up in the voxels where the ray stands for
 // an area at least as large as they are; nearer, it is followed: it is left to the next layer, which shades it for itself.
-// FIRST_LAYER: what the camera sees.    HAS_LAYERS: there may be a next one.
+// FIRST_LAYER: what the camera sees.    HAS_LAYERS: there may be a next one.    FILLS: only pixels of the first layer whose
+// light has a negative w; earlier passes have found that of the others.
 // Input: surface pictures and rays of the layer, faces' radiance, triangles of cells, lights, emitters.
 // Output: radiance_img: reflected radiance, added up over layers; w: 1 / distance of what the first met, 1/cells.
 // KEEPS_EMITTED: emitted_out: what of it comes straight from lights, emitters or the world. HAS_LAYERS: rays_img, seen_img,
@@ -60,6 +61,16 @@ void main()
     if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
+#if FIRST_LAYER && FILLS
+    if (imageLoad(radiance_img, at).w >= 0.0) {
+#if HAS_LAYERS
+        imageStore(seen_img, at, uvec4(0u));
+        imageStore(position_img, at, vec4(0.0));
+        imageStore(throughput_img, at, vec4(0.0));
+#endif
+        return;
+    }
+#endif
     Pixel p = fetch_pixel(at);
     vec3 bounced = vec3(0.0);
     vec3 emitted = vec3(0.0);

@@ -42,7 +42,7 @@ bool is_occupied(ivec3 block)
     for (int z = first.z; z <= last.z; ++z) {
         for (int y = first.y; y <= last.y; ++y) {
             for (int x = first.x; x <= last.x; ++x) {
-                if (texelFetch(bricks_tex, ivec3(x, y, z), 0).w == 0u) {
+                if (any(notEqual(texelFetch(bricks_tex, ivec3(x, y, z), 0).xy, uvec2(0u)))) {
                     return true;
                 }
             }
@@ -76,14 +76,15 @@ Block first_block(vec3 origin, vec3 direction)
     vec3 nearest = t > 0.0 ? enter : abs(d);
     block.axis = nearest.x >= max(nearest.y, nearest.z) ? 0 : (nearest.y >= nearest.z ? 1 : 2);
     ivec3 cell = clamp(ivec3(floor(origin + d * t)), ivec3(0), grid_size - 1);
+    int octant = 4 * (int(!forward.x) + 2 * int(!forward.y) + 4 * int(!forward.z));  // first bit of its empty cubes
     int budget = grid_size.x + grid_size.y + grid_size.z + 8;
     while (t < t_end && inside_grid(cell) && --budget > 0) {
         ivec3 lo = (cell >> level) << level;
         ivec3 hi = lo + (1 << level);
-        int empty = int(texelFetch(bricks_tex, cell / BRICK, 0).w);
+        int empty = BRICK * int(texelFetch(bricks_tex, cell / BRICK, 0).w >> octant & 15u);
         if (empty > 0 && level <= 2) {
-            lo = (cell / BRICK - empty + 1) * BRICK;
-            hi = (cell / BRICK + empty) * BRICK;
+            lo = (cell & -BRICK) + (BRICK - empty) * ivec3(not(forward));
+            hi = lo + empty;
         } else if (is_occupied(lo)) {
             block.is_met = true;
             block.cell = lo;

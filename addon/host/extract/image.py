@@ -38,6 +38,10 @@ _ALPHA_MODES = {
 }
 
 
+#: Pixels of one image: 16384 x 16384, which take 4 GiB while they are read.
+MOST_PIXELS = 1 << 28
+
+
 @dataclass(frozen=True)
 class _Entry:
     images: ImageSet
@@ -93,6 +97,10 @@ class ImageReader:
         encoding = self._encoding(image)
         if image.source == "TILED":
             return self._read_tiles(image, encoding)
+        width, height = image.size
+        if width * height > MOST_PIXELS:
+            what = f"uses image '{image.name}' of {width} x {height} pixels, of which {MOST_PIXELS} at most can be read"
+            return ImageSet(image.name, {}, problem=f"{what}; it is magenta. Scale it down")
         data = _image_data(image, encoding)
         if data is None:
             return ImageSet(image.name, {}, problem=_missing(image))

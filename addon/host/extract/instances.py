@@ -18,6 +18,7 @@ import numpy as np
 
 from ...materials.graph import MaterialData
 from ...scene import DoubleArray, InstanceData, LightData, MeshData, RayVisibility
+from .camera import ExtractionError
 from .keep import kept, says_the_same
 from .light import extract_light
 from .mesh import FARTHEST, ExtractedMesh, extract_mesh
@@ -29,6 +30,9 @@ _UNSUPPORTED = {
     "GREASEPENCIL": "grease pencil strokes are",
     "GPENCIL": "grease pencil strokes are",
 }
+#: Objects and instances that are shown, lights and empties included: each takes about a kilobyte while they are read.
+MOST_INSTANCES = 1 << 22
+
 #: Instances between two looks at whether to go on.
 _CHECK_INTERVAL = 1024
 
@@ -130,7 +134,7 @@ class MeshTable:
             self._read[key] = found
             if found.extracted.bad_triangles:
                 warnings.append(
-                    f'object "{obj.name}": triangles left out because a vertex is not finite or beyond '
+                    f'object "{obj.name}": triangles left out because a vertex is missing, not finite or beyond '
                     f"{FARTHEST:g} m: {found.extracted.bad_triangles}"
                 )
             self._indices[key] = len(self.meshes) if found.extracted.data is not None else None
@@ -251,6 +255,11 @@ def extract_instances(
     # Matrices and flags of all items at once: one call costs less than a hundred items one by one.
     items = depsgraph.object_instances
     count = len(items)
+    if count > MOST_INSTANCES:
+        raise ExtractionError(
+            f"The scene shows {count} objects and instances, and at most {MOST_INSTANCES} can be rendered: hide some, "
+            "or lower the density or count of what makes them."
+        )
     matrices, problems = _matrices(items, count)
     shown = np.empty(count, bool)
     items.foreach_get("show_self", shown)

@@ -115,23 +115,29 @@ class _Source:
     kind: str = "VALUE"
 
 
+#: Nodes of one material, those of groups counted wherever they are used: groups within groups can double and double.
+MOST_NODES = 10_000
+
+
 class _Flattener:
-    """Reads the nodes of one tree that its output needs."""
+    """Reads the nodes of one tree that its output needs. Raises ValueError where they are too many."""
 
     def __init__(self, images: ImageReader, warnings: list[str]) -> None:
         self.images = images
         self.warnings = warnings
         self.nodes: dict[str, Node] = {}
         self._names: dict[tuple[str, ...], str] = {}
+        self._taken: set[str] = set()
         self._links: dict[int, dict[tuple[str, str], bpy.types.NodeLink]] = {}
 
     def name_of(self, path: tuple[str, ...]) -> str:
         """A name for messages, unique in the flat graph: "Group/Node"."""
         if path not in self._names:
             name = "/".join(path)
-            while name in self._names.values():
+            while name in self._taken:
                 name += "'"
             self._names[path] = name
+            self._taken.add(name)
         return self._names[path]
 
     def read_all(self, place: _Place, output: bpy.types.Node) -> str:
@@ -142,6 +148,8 @@ class _Flattener:
             name = self.name_of(place_of_node.path(node))
             if name in self.nodes:
                 continue
+            if len(self.nodes) >= MOST_NODES:
+                raise ValueError(f"with those in groups there are more than {MOST_NODES} of them")
             inputs = {}
             for socket in node.inputs:
                 if socket.type == "CUSTOM":

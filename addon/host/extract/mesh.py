@@ -23,7 +23,7 @@ FARTHEST = 1e15
 @dataclass(frozen=True)
 class ExtractedMesh:
     data: MeshData | None  # None: no triangle is left
-    bad_triangles: int  # how many were dropped because a vertex is NaN, infinite or beyond FARTHEST
+    bad_triangles: int  # how many were dropped because a vertex is not there, NaN, infinite or beyond FARTHEST
 
 
 def extract_mesh(mesh: bpy.types.Mesh, slot_count: int) -> ExtractedMesh:
@@ -31,9 +31,10 @@ def extract_mesh(mesh: bpy.types.Mesh, slot_count: int) -> ExtractedMesh:
 
     Triangles without area, and those with an impossible vertex, are left out.
     """
+    lost = _drop_faces_without_vertices(mesh)
     mesh.calc_loop_triangles()
     if len(mesh.loop_triangles) == 0:
-        return ExtractedMesh(None, 0)
+        return ExtractedMesh(None, lost)
     positions = _positions(mesh)
     corner_vertices = _corner_vertices(mesh)
     triangle_corners = _read(mesh.loop_triangles, "loops", np.int32, 3)
@@ -41,12 +42,12 @@ def extract_mesh(mesh: bpy.types.Mesh, slot_count: int) -> ExtractedMesh:
     slots = _triangle_slots(mesh, slot_count)
 
     good_vertex = (np.abs(positions) <= FARTHEST).all(axis=1)  # False for NaN
-    bad_triangles = 0
+    bad_triangles = lost
     if not good_vertex.all():
         # A good place for the bad vertices, lest they spoil the bounds.
         positions[~good_vertex] = positions[int(np.argmax(good_vertex))] if good_vertex.any() else 0.0
         good = good_vertex[triangle_vertices].all(axis=1)
-        bad_triangles = len(good) - int(good.sum())
+        bad_triangles += len(good) - int(good.sum())
         triangle_corners, triangle_vertices, slots = triangle_corners[good], triangle_vertices[good], slots[good]
     sound = _has_area(positions, triangle_vertices)
     if not sound.all():
@@ -91,6 +92,20 @@ def _corner_vertices(mesh: bpy.types.Mesh) -> IntArray:
     if attribute is not None:
         return _read(attribute.data, "value", np.int32)
     return _read(mesh.loops, "vertex_index", np.int32)
+
+
+def _drop_faces_without_vertices(mesh: bpy.types.Mesh) -> int:
+    """Faces of a damaged file may refer to vertices that are not there, and Blender would read beyond its arrays.
+
+    Returns how many triangles went, about.
+    """
+    corner_vertices = _corner_vertices(mesh)
+    bad = (corner_vertices < 0) | (corner_vertices >= len(mesh.vertices))
+    if not bad.any():
+        return 0
+    before = len(mesh.polygons)
+    mesh.validate()
+    return max(before - len(mesh.polygons), 1)
 
 
 def _triangle_slots(mesh: bpy.types.Mesh, slot_count: int) -> IntArray:

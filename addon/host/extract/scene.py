@@ -90,11 +90,14 @@ class SceneReader:
         else:
             instances = old.instances
         if old is None or kinds & Change.LIGHT:
-            lights = tuple(extract_lights(depsgraph, self._warnings_of(Change.LIGHT), viewport))
+            warnings = self._warnings_of(Change.LIGHT)
+            lights = tuple(extract_lights(depsgraph, warnings, viewport)) if _uses_scene("lights", viewport) else ()
         else:
             lights = old.lights
         if old is None or kinds & Change.WORLD:
             world_data = self._convert_world(world, self._warnings_of(Change.WORLD))
+            if not _uses_scene("world", viewport):
+                self._warnings[Change.WORLD].append("the viewport's studio light: the scene's world is shown instead")
         else:
             world_data = old.world
         found = [text for kind in Change if kind in self._warnings for text in self._warnings[kind]]
@@ -128,7 +131,8 @@ class SceneReader:
         unreported = {
             Change.GEOMETRY: _uid(view_layer.material_override),
             Change.GEOMETRY | Change.LIGHT: _visibility_in(viewport),
-            Change.WORLD: _uid(world),
+            Change.WORLD: (_uid(world), _uses_scene("world", viewport)),
+            Change.LIGHT: _uses_scene("lights", viewport),
         }
         for kind, state in unreported.items():
             if self._unreported.get(kind) != state:
@@ -163,6 +167,11 @@ def _visibility_in(viewport: bpy.types.SpaceView3D | None) -> tuple[bool, bool]:
     return viewport is not None and viewport.local_view is not None, (
         viewport is not None and viewport.use_local_collections
     )
+
+
+def _uses_scene(what: str, viewport: bpy.types.SpaceView3D | None) -> bool:
+    """Whether a rendered viewport shows the scene's ``lights`` or ``world``; it may show studio light instead."""
+    return viewport is None or bool(getattr(viewport.shading, f"use_scene_{what}_render"))
 
 
 def _uid(data: bpy.types.ID | None) -> int:
