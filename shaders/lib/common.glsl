@@ -2,6 +2,7 @@
 // Indices, hashing and packing that every shader uses.
 
 const float PI = 3.14159265358979;
+const float RAY_START = 1e-3;  // cells: how far along the normal a ray starts above the surface it leaves
 
 // Number of this thread in a list that was started with Kernel.run_list.
 uint invocation_index()

@@ -10,8 +10,6 @@
 
 #include "lib/common.glsl"
 
-const float RAY_START = 1e-3;  // cells: how far along the normal a ray starts above the surface it leaves
-
 layout(binding = TEX_TRIANGLES) uniform usampler2D triangles_tex;
 
 struct Triangle {

@@ -8,7 +8,6 @@
 #include "lib/guide_work.glsl"
 #include "lib/packed_light.glsl"
 #include "lib/link_shift.glsl"
-#include "lib/triangle.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
 #endif
