@@ -242,6 +242,8 @@ class GeometryPass:
         geometry, gpu = self.geometry, self.gpu
         if geometry is None or geometry.has_instances or not geometry.triangle_count:
             return False
+        if not changed:
+            return True
         seen = {index for draw in geometry.meshes for index in draw.members}
         counts = [len(scene.meshes[scene.instances[index].mesh].triangle_vertices) for index in changed]
         if any(

@@ -92,13 +92,13 @@ def change_values(data: Any, chance: random.Random) -> list[str]:
 
 _TYPES = ("FLOAT", "INT", "BOOLEAN", "ENUM", "STRING")
 
-#: What would only make a render long, or is the command line's.
+#: What would only make a render long, is the command line's, or is the layout of an array, which Blender trusts.
 _LEFT = frozenset({
-    "engine", "resolution_x", "resolution_y", "resolution_percentage", "filepath", "use_sequencer", "levels",
-    "render_levels", "count", "samples", "voxel_resolution", "voxel_auto", "memory_budget", "bounces", "child_nbr",
-    "rendered_child_count", "rows", "columns", "frame_start", "frame_end", "resolution_u", "resolution_v", "rays",
-    "render_resolution_u", "render_resolution_v", "bounce_rays", "viewport_samples", "glossy_layers",
-    "bevel_resolution",
+    "loop_start", "loop_total", "engine", "resolution_x", "resolution_y", "resolution_percentage", "filepath",
+    "use_sequencer", "levels", "render_levels", "count", "samples", "voxel_resolution", "voxel_auto", "memory_budget",
+    "bounces", "child_nbr", "rendered_child_count", "rows", "columns", "frame_start", "frame_end", "resolution_u",
+    "resolution_v", "rays", "render_resolution_u", "render_resolution_v", "bounce_rays", "viewport_samples",
+    "glossy_layers", "bevel_resolution",
 })  # fmt: skip
 
 

@@ -100,7 +100,8 @@ def test_passes_that_gather_nothing_have_reflections(gpu: GpuContext) -> None:
         made = metallic(room(), roughness)
         every = alone(gpu, made, settings(samples=128, reuse_frames=False))
         some = alone(gpu, made, settings(samples=32, reuse_frames=False, gather_interval=4))
-        assert some.mean() == pytest.approx(every.mean(), rel=0.01)
+        found, wanted = (float(np.minimum(picture, 3.0).mean()) for picture in (some, every))  # glints are noise
+        assert found == pytest.approx(wanted, rel=0.003)
         assert error(some, every) < 0.005
 
 

@@ -302,6 +302,12 @@ class FakeLayout:
         assert icon in bpy.types.UILayout.bl_rna.functions["label"].parameters["icon"].enum_items, icon
         self.labels.append(text)
 
+    def operator(self, name: str) -> None:
+        import bpy
+
+        group, _, operator = name.partition(".")
+        assert hasattr(getattr(bpy.ops, group), operator), name
+
     def _child(self, **_: Any) -> FakeLayout:
         return FakeLayout(self.drawn, self.labels)
 
@@ -320,11 +326,14 @@ def draw_panels() -> tuple[dict[str, bool], list[str]]:
     context = types.SimpleNamespace(
         engine="CONELIGHT", scene=bpy.context.scene, view_layer=bpy.context.view_layer, light=light,
         object=bpy.context.scene.camera,
+        space_data=types.SimpleNamespace(shading=types.SimpleNamespace(type="RENDERED")),
     )  # fmt: skip
+    again = panels.VIEW3D_PT_conelight  # in another editor
     for panel in panels.CLASSES:
         assert panel.poll(context), panel
         assert not panel.poll(types.SimpleNamespace(engine="CYCLES", light=light)), panel
-        panel.draw(types.SimpleNamespace(layout=FakeLayout(drawn, labels), bl_label=panel.bl_label,
+        seen = [] if panel is again else drawn
+        panel.draw(types.SimpleNamespace(layout=FakeLayout(seen, labels), bl_label=panel.bl_label,
                                          panel=getattr(panel, "panel", None)), context)  # fmt: skip
     assert len({name for name, _ in drawn}) == len(drawn), "a property is drawn twice"
     return dict(drawn), labels

@@ -46,7 +46,7 @@ def conelight(size: tuple[int, int] | None = None, *, voxels: int = 64, **settin
         setattr(scene.conelight, name, value)
     session.last_error = None
     try:
-        picture = _render(scene, size)
+        picture = render_current(scene, size)
     except RuntimeError as error:
         raise RenderError(session.last_error or str(error)) from error
     if session.last_error is not None:
@@ -79,7 +79,7 @@ def cycles(size: tuple[int, int] | None = None, *, samples: int, bounces: int = 
     }
     for name, value in values.items():
         setattr(scene.cycles, name, value)
-    return _render(scene, size)
+    return render_current(scene, size)
 
 
 def save(path: str | os.PathLike[str], *, file_format: str = "OPEN_EXR", color_depth: str = "32") -> None:
@@ -99,7 +99,8 @@ def choose_format(file_format: str = "OPEN_EXR", color_depth: str = "32") -> Non
     image.color_depth = color_depth
 
 
-def _render(scene: Any, size: tuple[int, int] | None) -> Picture:
+def render_current(scene: Any, size: tuple[int, int] | None = None) -> Picture:
+    """With the engine and settings that are set."""
     if size is not None:
         scene.render.resolution_x, scene.render.resolution_y = size
     bpy.ops.render.render(scene=scene.name)

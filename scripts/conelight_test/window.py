@@ -28,6 +28,7 @@ SUITE = "sid"  # the only one with a Blender that is as new as those that are te
 PACKAGES = (
     "blender", "xvfb", "libgl1-mesa-dri", "libegl1", "libegl-mesa0", "libgl1", "libglx-mesa0", "mesa-vulkan-drivers",
     "imagemagick", "x11-utils", "xdotool", "python3-numpy", "python3-moderngl", "python3-openimageio", "python3-cattr",
+    "python3-requests", "python3-zstandard",
 )  # fmt: skip
 NEEDED_GIB = 3
 SET_UP_LIMIT = 900.0  # seconds
@@ -81,8 +82,11 @@ def environment() -> Iterator[dict[str, str]]:
 
 def _set_up() -> None:
     """Once; raises NoWindow where that cannot be."""
-    if os.path.exists(READY):
-        return
+    has_system = False
+    with contextlib.suppress(OSError), open(READY, encoding="ascii") as file:
+        has_system = True
+        if file.read().split() == list(PACKAGES):
+            return
     if not sys.platform.startswith("linux") or not hasattr(os, "geteuid") or os.geteuid() != 0:
         raise NoWindow("a system with Blender can be set up by root on Linux only")
     missing = [name for name in ("debootstrap", "apt-get", "unshare", "chroot", "mount") if not shutil.which(name)]
@@ -91,23 +95,29 @@ def _set_up() -> None:
     if shutil.disk_usage(_bootstrap.ROOT).free < NEEDED_GIB << 30:
         raise NoWindow(f"there are not {NEEDED_GIB} GiB left on the disk for a system with Blender")
     print("Setting up a system with a Blender that opens windows, once: 1.5 GB on disk, several minutes.", flush=True)
-    shutil.rmtree(SYSTEM, ignore_errors=True)
-    os.makedirs(SYSTEM)
+    if not has_system:
+        shutil.rmtree(SYSTEM, ignore_errors=True)
+        os.makedirs(SYSTEM)
     with open(LOG, "w", encoding="utf-8") as log:
         try:
-            _run(["debootstrap", "--variant=minbase", SUITE, SYSTEM, _mirror()], log)
+            if not has_system:
+                _run(["debootstrap", "--variant=minbase", SUITE, SYSTEM, _mirror()], log)
             for name in ("resolv.conf", "hosts"):
                 with contextlib.suppress(OSError):
                     shutil.copy(os.path.join("/etc", name), os.path.join(SYSTEM, "etc", name))
             get = [_write_script("get", "apt-get"), "-q", "-o", "Acquire::Check-Valid-Until=false"]
             _run([*get, "update"], log)
             _run([*get, "install", "-y", "--no-install-recommends", *PACKAGES], log)
-            _run([_write_script("blender", "blender"), "--background", "--version"], log)
-            shutil.rmtree(os.path.join(SYSTEM, "var", "cache", "apt"), ignore_errors=True)
+            started = [_write_script("blender", "blender"), "--background", "--factory-startup"]
+            said = subprocess.run(started, capture_output=True, text=True, check=True, timeout=SET_UP_LIMIT)
+            if "Traceback" in said.stdout + said.stderr:  # the distribution's own add-ons lack something
+                log.write(said.stdout + said.stderr)
+                raise NoWindow(f"its Blender does not start without errors: see {os.path.relpath(LOG)}")
+            shutil.rmtree(os.path.join(SYSTEM, "var", "cache", "apt", "archives"), ignore_errors=True)
         except (OSError, subprocess.SubprocessError) as error:
             raise NoWindow(f"setting up a system with Blender failed ({error}): see {os.path.relpath(LOG)}") from None
-    with open(READY, "w", encoding="ascii"):
-        pass
+    with open(READY, "w", encoding="ascii") as file:
+        file.write("\n".join(PACKAGES))
 
 
 def _run(command: Sequence[str], log: object) -> None:

@@ -87,7 +87,7 @@ Site site_point(Site site, uint k)
     float size = length(shift);
     vec3 origin = site.origin;
     vec3 direction = shift / max(size, 1e-6);
-    for (int look = 0; look < 2; ++look) {  // along the surface, where nothing shall be; down, where it is
+    for (int look = 0; look < 2 && k > 0u; ++look) {  // along the surface, where nothing shall be; down, where it is
         float reach = look == 0 ? size : 2.0 * RAY_START;
         bool blocked = is_shadowed(origin, direction, is_there ? reach : -1.0, hash(site.seed, k));
 #if FINDS_CHANGED
