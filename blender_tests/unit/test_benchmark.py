@@ -177,6 +177,14 @@ def test_a_job_survives_json_and_its_key_depends_on_all_of_it() -> None:
     assert len(keys) == len(others) + 2
 
 
+def test_rooms_that_are_dim_have_more_bounces_in_all_of_cycles() -> None:
+    (dim, usual), _ = plans(parsed("--scenes", "rooms_open_1", "interior", "--peers", "cycles-4", "conelight-draft"))
+    cycles = [job for job in dim.jobs if job.engine == "cycles"]
+    assert len(cycles) > 6 and {job.bounces for job in cycles} == {catalogue.DIM_BOUNCES}
+    assert {job.bounces for job in dim.jobs if job.engine != "cycles"} == {job.bounces for job in usual.jobs} == {0}
+    assert "bounces" not in usual.jobs[0].as_dict() and usual.jobs[0].key() != replace(usual.jobs[0], bounces=8).key()
+
+
 def test_code_is_known_without_its_comments(tmp_path: Path) -> None:
     def code(text: str) -> str:
         path = tmp_path / "module.py"

@@ -18,7 +18,7 @@ class Job:
     ``fast``. ``lamps_only`` (Cycles): only light that comes straight from lamps, and what the camera sees glowing.
     ``frames``: 0 for a picture, else a sequence along ``motion``. ``timed``: a reference is not. ``kernel``: what
     stands in for Conelight's gather, by its name in ``kernels.py``. ``counts_fetches``: numbers of ``fetches.py`` are
-    all that comes of it."""
+    all that comes of it. ``bounces`` (Cycles): 0: as many as on the command line."""
 
     engine: str
     size: tuple[int, int]
@@ -34,15 +34,17 @@ class Job:
     timed: bool = True
     kernel: str = ""
     counts_fetches: bool = False
+    bounces: int = 0
 
     def key(self, *surroundings: str) -> str:
         """A name for the results of this job, given what else they depend on."""
         return digest(json.dumps([self.as_dict(), *surroundings], sort_keys=True))
 
     def as_dict(self) -> dict[str, Any]:
-        """All fields; of the changes to Conelight's shaders only those that are made."""
+        """All fields; of those that few jobs have only what they have."""
         values = dataclasses.asdict(self)
-        return {name: value for name, value in values.items() if value or name not in ("kernel", "counts_fetches")}
+        rare = ("kernel", "counts_fetches", "bounces")
+        return {name: value for name, value in values.items() if value or name not in rare}
 
     @property
     def process(self) -> tuple[str, str, bool]:

@@ -38,6 +38,7 @@ class Peer:
         return Job(
             self.engine, size, samples=self.samples, preset=self.preset, assignments=assignments,
             denoiser=self.denoiser, passes=splits and scene.measure == "indirect", kernel=self.kernel,
+            bounces=scene.bounces if self.engine == "cycles" else 0,
         )
 
     @property
@@ -93,7 +94,8 @@ SMOOTH_SHARE = 4  # one part in so many of a half's samples is enough where nois
 def reference_jobs(scene: BenchmarkScene, size: tuple[int, int], samples: int) -> dict[str, Job]:
     """The path-traced answer: two halves, ``smooth``, without noise, and ``direct``, what lamps light, where a scene's
     own passes do not tell."""
-    half = Job("cycles", size, samples, seed=REFERENCE_SEEDS[0], passes=scene.measure == "indirect", timed=False)
+    half = Job("cycles", size, samples, seed=REFERENCE_SEEDS[0], passes=scene.measure == "indirect", timed=False,
+               bounces=scene.bounces)
     jobs = {"a": half, "b": replace(half, seed=REFERENCE_SEEDS[1])}
     jobs["smooth"] = replace(half, samples=max(samples // SMOOTH_SHARE, 1), seed=REFERENCE_SEEDS[2], passes=False,
                              denoiser="default")

@@ -106,6 +106,9 @@ def _prepare_cycles(scene: Any, job: Job) -> None:
     cycles.denoising_input_passes = "RGB_ALBEDO_NORMAL"
     cycles.denoising_prefilter = "FAST" if job.denoiser == "fast" else "ACCURATE"
     cycles.denoising_quality = "FAST" if job.denoiser == "fast" else "HIGH"
+    if job.bounces:
+        for kind in ("max", "diffuse", "glossy", "transmission", "transparent_max"):
+            setattr(cycles, f"{kind}_bounces", job.bounces)
     if job.lamps_only:
         cycles.max_bounces = 0
         for thing in scene.objects:
