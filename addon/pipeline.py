@@ -45,6 +45,7 @@ from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
 from .scene import SceneData
 from .settings import Settings
+from .sharing import shares_triangles
 
 #: Share of the bricks up to which voxels are taken over from those before.
 MOST_CHANGED = 0.5
@@ -358,6 +359,8 @@ class Pipeline:
         edit = edit_between(self._placed, scene, grid)
         if edit is None or len(edit.instances) > MAX_INSTANCES or edit.share > MOST_CHANGED:
             return None
+        if edit.has_meshes and (shares_triangles(self._placed) or shares_triangles(scene)):
+            return None  # lists of cells say where meshes' triangles lie, and that has changed
         return edit
 
     def _release_light(self) -> None:

@@ -51,6 +51,13 @@ class Geometry:
         self.attributes.use(slot("TEX_ATTRIBUTES"))
 
 
+#: As pass visibility reads it: rows of grid_from_object, first triangle.
+_PLACED = np.dtype([("x", "<f4", 4), ("y", "<f4", 4), ("z", "<f4", 4), ("first", "<u4")])
+
+#: So many instances of a mesh are looked at one by one before they are drawn: those out of view are left out.
+LEAST_CULLED = 256
+
+
 @dataclass
 class MeshDraw:
     """One mesh with its instances that the camera sees."""
@@ -58,9 +65,40 @@ class MeshDraw:
     positions: moderngl.Buffer
     indices: moderngl.Buffer
     instances: moderngl.Buffer
-    instance_count: int
     members: list[int]  # instances
+    box: np.ndarray  # (2, 3) around the mesh, object space
+    placed: np.ndarray = field(default_factory=lambda: np.zeros(0, _PLACED))  # (K,) what instances are drawn by
+    spheres: np.ndarray = field(default_factory=lambda: np.zeros((0, 4)))  # (K, 4) around them, grid space
     vertex_array: Any = None
+
+    def place(self, records: np.ndarray) -> None:
+        """``records``: of all instances."""
+        chosen = records[self.members]
+        self.placed = np.zeros(len(chosen), _PLACED)
+        for row in "xyz":
+            self.placed[row] = chosen[f"grid_from_object_{row}"]
+        self.placed["first"] = chosen["first_triangle"]
+        self.instances.write(self.placed)
+        if len(chosen) >= LEAST_CULLED:
+            rows = np.stack([self.placed[row] for row in "xyz"], axis=1)
+            middle, reach = 0.5 * (self.box[0] + self.box[1]), 0.5 * float(np.linalg.norm(self.box[1] - self.box[0]))
+            # The length of all entries is no less than the largest stretch.
+            stretch = np.linalg.norm(rows[:, :, :3], axis=(1, 2))
+            self.spheres = np.column_stack([rows @ np.append(middle, 1.0), reach * stretch])
+
+    def show(self, clip_from_grid: np.ndarray) -> int:
+        """Put instances that may be in view first in ``instances``; returns how many there are."""
+        if len(self.members) < LEAST_CULLED:
+            return len(self.members)
+        seen = np.ones(len(self.members), bool)
+        for axis, sign in ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)):
+            plane = clip_from_grid[3] + sign * clip_from_grid[axis]  # 0 on a side of the view, above 0 in view
+            reach = self.spheres[:, 3] * np.linalg.norm(plane[:3]) * (1.0 + 1e-4)
+            seen &= self.spheres[:, :3] @ plane[:3] + plane[3] >= -reach
+        shown = self.placed[seen]
+        if len(shown):
+            self.instances.write(shown)
+        return len(shown)
 
 
 def is_smooth(mesh: MeshData) -> bool:
@@ -228,7 +266,7 @@ class GeometryPass:
             )  # fmt: skip
         for draw in geometry.meshes:
             if not set(draw.members).isdisjoint(changed):
-                draw.instances.write(_draw_data(records[draw.members]))
+                draw.place(records)
         return True
 
     def _triangles(self, count: int) -> moderngl.Texture:
@@ -317,10 +355,11 @@ class GeometryPass:
             draw = MeshDraw(
                 self.gpu.buffer("vertex positions", mesh.positions.astype(np.float32)),
                 self.gpu.buffer("vertex indices", mesh.triangle_vertices.astype(np.uint32)),
-                self.gpu.buffer("draw instances", _draw_data(records[members])),
-                len(members),
+                self.gpu.buffer("draw instances", size=_PLACED.itemsize * len(members)),
                 members,
+                mesh.bounds,
             )
+            draw.place(records)
             self._owned += [draw.positions, draw.indices, draw.instances]
             draws.append(draw)
         return draws
@@ -338,15 +377,6 @@ class GeometryPass:
 
 def _seen_by_camera(instance: InstanceData) -> bool:
     return bool(instance.visibility & RayVisibility.CAMERA)
-
-
-def _draw_data(records: np.ndarray) -> np.ndarray:
-    """What instances are drawn by."""
-    data = np.zeros(len(records), [("x", "<f4", 4), ("y", "<f4", 4), ("z", "<f4", 4), ("first", "<u4")])
-    for row in "xyz":
-        data[row] = records[f"grid_from_object_{row}"]
-    data["first"] = records["first_triangle"]
-    return data
 
 
 def _fill_placement(records: np.ndarray, instances: Sequence[InstanceData], grid: VoxelGrid) -> None:

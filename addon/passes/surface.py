@@ -186,8 +186,9 @@ class SurfacePass:
         if not geometry.meshes:
             return
         program = gpu.program("visibility")
+        clip_from_grid = camera.raster_matrix(view.offset)
         matrix: Any = program["clip_from_grid"]
-        matrix.write(np.ascontiguousarray(camera.raster_matrix(view.offset).T, np.float32).tobytes())
+        matrix.write(np.ascontiguousarray(clip_from_grid.T, np.float32).tobytes())
         for name, value in (
             ("camera_position", camera.position),
             ("camera_forward", camera.forward),
@@ -206,7 +207,9 @@ class SurfacePass:
                     ],
                     index_buffer=draw.indices, index_element_size=4,
                 ))  # fmt: skip
-            draw.vertex_array.render(moderngl.TRIANGLES, instances=draw.instance_count)
+            shown = draw.show(clip_from_grid)
+            if shown:
+                draw.vertex_array.render(moderngl.TRIANGLES, instances=shown)
         gpu.barrier()  # the numbers are read through image loads
 
     def _evaluate(self, surfaces: Surfaces, pictures: SurfacePictures, view: View, behind: int = 0) -> Iterator[None]:

@@ -11,11 +11,12 @@ import pytest
 from addon import sharing
 from addon.gpu import interface
 from addon.gpu.context import GpuContext
+from addon.passes import geometry
 from addon.scene import InstanceData, LightKind, MeshData, RayVisibility, SceneData
 from addon.settings import Settings
 from blender_tests.material_shader import material, node
 from blender_tests.passes import scenes
-from blender_tests.passes.run import pipeline, read_list, unit_grid, voxelized
+from blender_tests.passes.run import pipeline, prepare, radiance, read_list, sample, unit_grid, voxelized
 from blender_tests.passes.test_trace import shoot, unit
 
 SHARED, SEPARATE = 0, 1 << 60  # bytes that sharing has to save
@@ -68,10 +69,10 @@ def crowd(**more: object) -> SceneData:
 def pictures(gpu: GpuContext, made: SceneData, settings: Settings) -> dict[str, np.ndarray]:
     outputs = ("combined", "normal", "depth", "diffuse_color")
     with pipeline(gpu, made, settings, (48, 40), outputs=outputs) as ready:
-        voxels, geometry = ready._voxelize.voxels, ready._geometry.geometry
-        assert voxels is not None and geometry is not None
+        voxels, made_geometry = ready._voxelize.voxels, ready._geometry.geometry
+        assert voxels is not None and made_geometry is not None
         found = {name: ready.film.read(name) for name in outputs}
-        found["shared"] = np.array(geometry.has_instances)
+        found["shared"] = np.array(made_geometry.has_instances)
         found["places"] = read_list(voxels.faces.place, voxels.faces.count, np.uint32)
         found["bricks"] = np.frombuffer(voxels.bricks.read(), np.uint32)
         found["lists"] = np.array([voxels.pair_count, voxels.faces.count])
@@ -175,3 +176,72 @@ def test_few_bytes_are_not_shared(gpu: GpuContext) -> None:
         assert found.geometry.defines == {"HAS_INSTANCES": False}
         assert not found.voxels.trace_defines["HAS_INSTANCES"]
         assert found.voxels.cell_triangles.components == 1
+
+
+@pytest.mark.parametrize("width", [None, 3.0], ids=["perspective", "orthographic"])
+def test_only_what_may_be_in_view_is_drawn(
+    width: float | None, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Instances all around the camera, stretched, the picture's edges full of them: the same as drawing all."""
+    rng = np.random.default_rng(8)
+    shape, surface = scenes.sphere(0.3, 5), scenes.diffuse()
+    objects = []
+    for _ in range(300):
+        matrix = turned(rng)
+        matrix[:3, 0] *= 4.0
+        matrix[:3, 3] = rng.uniform(-6.0, 6.0, 3)
+        objects.append((shape, surface, matrix))
+    view = scenes.camera((0.0, 0.0, 0.0), (1.0, 2.0, 0.3), width=width)
+    made = scenes.scene(*objects, world=scenes.world(1.0), camera=view)
+    found = {}
+    for least in (10, 1000):
+        monkeypatch.setattr(geometry, "LEAST_CULLED", least)
+        with pipeline(gpu, made, scenes.settings(16, bounces=0), (40, 40), samples=1) as ready:
+            assert ready._geometry.geometry is not None and ready._surface.pictures is not None
+            draw = ready._geometry.geometry.meshes[0]
+            shown = draw.show(ready._camera.raster_matrix((0.5, 0.5)))
+            found[least] = shown, ready._surface.pictures.seen.read()
+    assert 10 < found[10][0] < 200 and found[1000][0] == 300
+    assert found[10][1] == found[1000][1]
+    seen = np.frombuffer(found[10][1], np.uint32).reshape(40, 40)
+    edges = np.concatenate([seen[0], seen[-1], seen[:, 0], seen[:, -1]])
+    assert (edges > 0).mean() > 0.3 and (seen == 0).mean() > 0.05
+
+
+def crowded_room() -> SceneData:
+    """Balls of two meshes with as many triangles, and a box, in a room."""
+    ball, surface = scenes.sphere(0.3, 8), scenes.diffuse((0.7, 0.4, 0.3))
+    flat = dataclasses.replace(ball, positions=ball.positions * np.float32([1.0, 1.0, 0.5]))
+    return scenes.scene(
+        (scenes.box((-2, -2, -1), (2, 2, 1), inside_out=True), scenes.diffuse(0.6)),
+        (flat, surface, scenes.at(-1.0, 0.5, -0.4)), (ball, surface, scenes.at(0.2, 0.6, -0.6)),
+        (ball, surface, scenes.at(1.0, 0.4, 0.1)), (scenes.box((-0.4, -1.0, -1.0), (0.2, -0.3, -0.3)), surface),
+        lights=(scenes.light(LightKind.POINT, 3.0, (0.9, -1.2, 0.7), radius=0.1),),
+        camera=scenes.camera((0.5, -1.8, 0.2)),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("edit", ["moved", "another mesh", "seen by other rays"])
+def test_edits_leave_the_bits_of_a_fresh_start(edit: str, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where an instance takes over another mesh, the meshes after one that nobody uses any more lie elsewhere."""
+    monkeypatch.setattr(sharing, "LEAST_SAVED", SHARED)
+    made = crowded_room()
+    changes = {
+        "moved": {"world_from_object": scenes.at(-0.7, 0.2, -0.1)},
+        "another mesh": {"mesh": made.instances[2].mesh},
+        "seen by other rays": {"visibility": RayVisibility.CAMERA | RayVisibility.DIFFUSE},
+    }
+    instances = list(made.instances)
+    instances[1] = dataclasses.replace(instances[1], **changes[edit])
+    edited = dataclasses.replace(made, instances=tuple(instances))
+    settings = scenes.settings(40, bounces=4)
+    found = []
+    for start in (made, edited):
+        with pipeline(gpu, start, settings, (24, 18), samples=1, is_live=True) as ready:
+            if start is made:
+                before = ready.film.read("combined").tobytes()
+            prepare(ready, edited, settings, (24, 18))
+            sample(ready, 1)
+            found.append((ready.film.read("combined").tobytes(), radiance(ready).tobytes()))
+            assert found[-1][0] != before
+    assert found[0] == found[1]
