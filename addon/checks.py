@@ -83,13 +83,31 @@ def check_light(pass_name: str, resource: str, texture: moderngl.Texture | None,
 def check_geometry(geometry: Geometry) -> None:
     """Triangles are finite and inside the grid."""
     count = geometry.triangle_count
-    words = read_words(geometry.triangles, 3 * interface.TRIANGLES_PER_ROW * -(-count // interface.TRIANGLES_PER_ROW))
-    parts = np.ascontiguousarray(words[: 3 * count, :3]).view(np.float32).reshape(count, 3, 3)
-    corners = parts.astype(np.float64)
-    corners[:, 1:] += corners[:, :1]
+    texture = geometry.triangles
+    words = read_words(texture, texture.width * texture.height)
+    if geometry.has_instances:
+        corners = _placed_corners(words, count)
+    else:
+        parts = np.ascontiguousarray(words[: 3 * count, :3]).view(np.float32).reshape(count, 3, 3)
+        corners = parts.astype(np.float64)
+        corners[:, 1:] += corners[:, :1]
     expect("geometry", "triangles (triangle, corner, axis)", corners, np.isfinite(corners), "is not finite")
     inside = (corners >= -OUTSIDE) & (corners <= np.array(geometry.grid.size) + OUTSIDE)
     expect("geometry", "triangles (triangle, corner, axis)", corners, inside, "is outside the grid")
+
+
+def _placed_corners(words: np.ndarray, count: int) -> np.ndarray:
+    """(count, 3, 3) corners of all instances' triangles, cells. ``words``: (N, 4), what lib/triangle.glsl reads."""
+    instances = int(words[3, 3])
+    placements = words[: 4 * instances].reshape(instances, 4, 4)
+    rows = np.ascontiguousarray(placements[:, :3]).view(np.float32).astype(np.float64)
+    ends = np.append(placements[1:, 3, 0], count).astype(np.int64)
+    result = np.zeros((count, 3, 3))
+    for row, (first, place), end in zip(rows, placements[:, 3, :2].astype(np.int64).tolist(), ends, strict=True):
+        texels = words[3 * place : 3 * (place + end - first), :3]
+        corners = np.ascontiguousarray(texels).view(np.float32).reshape(-1, 3, 3)
+        result[first:end] = corners @ row[:, :3].T + row[:, 3]
+    return result
 
 
 def check_voxels(voxels: Voxels, triangle_count: int) -> None:
@@ -109,7 +127,11 @@ def check_voxels(voxels: Voxels, triangle_count: int) -> None:
     if int(records[:, 1].sum()) != voxels.pair_count:
         fail(name, "cells", "all", f"list {int(records[:, 1].sum())} triangles of {voxels.pair_count}")
     listed = read_words(voxels.cell_triangles, voxels.pair_count)[:, 0]
-    expect(name, "triangles of cells", listed, listed < triangle_count, f"is no triangle (of {triangle_count})")
+    if voxels.cell_triangles.components == 2:  # of instances, the numbers of which lie in the triangles' texture
+        last = read_words(voxels.triangles, 4)[3, 3]
+        expect(name, "instances of cells", listed, listed < last, f"is no instance (of {last})")
+    else:
+        expect(name, "triangles of cells", listed, listed < triangle_count, f"is no triangle (of {triangle_count})")
     if voxels.lit_faces is not None:
         _check_faces(voxels, records)
 
