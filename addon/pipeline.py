@@ -11,7 +11,7 @@ pieces of work of well under half a second, so that a caller can show progress a
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -146,6 +146,7 @@ class Pipeline:
         self._radiance_version = 0
         #: Of the last ``prepare`` that did any: cells that were voxelized, faces that were linked to others and lit.
         self.redone = {"cells": 0, "linked_faces": 0, "lit_faces": 0}
+        self._failed_with_geometry = False  # the last error came after the geometry was there
         self._coarsened: tuple[tuple, int] | None = None  # settings of voxels that did not fit, and what does
         self.features: Features | None = None
         self.grid: VoxelGrid | None = None
@@ -177,34 +178,40 @@ class Pipeline:
             settings.voxel_auto, settings.voxel_resolution, settings.memory_budget, settings.bounce_rays, size,
             scene.meshes, scene.instances,
         )  # fmt: skip
-        before = self.gpu.alive()
         while True:
             resolution = self._coarsened[1] if self._coarsened and _same(self._coarsened[0], wanted) else None
             fitting = settings.with_values(voxel_auto=False, voxel_resolution=resolution) if resolution else settings
             try:
-                yield from self._prepare(scene, fitting, size, follows)
+                yield from self._letting_go(self._prepare(scene, fitting, size, follows))
                 break
             except MemoryError:
-                tried, is_for_voxels = choose_resolution(scene, fitting), self._memo.has("geometry")
-                self._give_up(before)
+                tried, is_for_voxels = choose_resolution(scene, fitting), self._failed_with_geometry
                 if not is_for_voxels or tried <= LEAST_RESOLUTION:
                     self._coarsened = None
                     raise
                 self._coarsened = wanted, max(tried // 2, LEAST_RESOLUTION)
-            except Exception:
-                self._give_up(before)
-                raise
         if resolution:
             self.warnings.append(f"There is no memory for finer voxels: {resolution} are used along the longest side")
 
-    def _give_up(self, before: frozenset[int]) -> None:
-        """Lets go of everything, and of what was made since ``before`` by a step that failed in the middle."""
-        self.release()
-        self.gpu.free_since(before)
+    def _letting_go(self, steps: Generator[Progress, None, None]) -> Iterator[Progress]:
+        """``steps``; when one fails, lets go of everything, and of what that step has made so far."""
+        before = self.gpu.alive()
+        try:
+            for progress in steps:
+                ours = self.gpu.alive()
+                yield progress
+                before |= self.gpu.alive() - ours  # made meanwhile by others in this context
+        except Exception:
+            self._failed_with_geometry = self._memo.has("geometry")
+            self.release()
+            self.gpu.free_since(before)
+            raise
+        finally:
+            steps.close()
 
     def _prepare(
         self, scene: SceneData, settings: Settings, size: tuple[int, int], follows: bool
-    ) -> Iterator[Progress]:
+    ) -> Generator[Progress, None, None]:
         limit = int(self.gpu.mgl.info.get("GL_MAX_TEXTURE_SIZE", 16384))
         too_many = f"{size[0]} x {size[1]} pixels cannot be rendered at once: this graphics driver draws"
         if max(size) > limit or min(size) < 1:
@@ -459,14 +466,9 @@ class Pipeline:
 
         Raises PipelineError, MemoryError, ShaderError, GpuUnavailable; ``prepare`` must be run again then.
         """
-        before = self.gpu.alive()
-        try:
-            yield from self._sample()
-        except Exception:
-            self._give_up(before)
-            raise
+        yield from self._letting_go(self._sample())
 
-    def _sample(self) -> Iterator[Progress]:
+    def _sample(self) -> Generator[Progress, None, None]:
         scene, settings, features = self._scene, self._settings, self.features
         geometry, voxels, materials = self._geometry.geometry, self._voxelize.voxels, self._materials.set
         if scene is None or features is None or geometry is None or voxels is None or materials is None:
@@ -480,7 +482,7 @@ class Pipeline:
         radiance = self._bounce.radiance[0] if features.needs_radiance else None
         lit = LitVoxels(voxels, radiance, self._lights, self._emitters, self._world, self._cones, self._guides)
         if self._wanted <= set(VOXEL_VIEWS):
-            self.film.add(frame, lit, scene, PixelLight())
+            self._add(frame, lit, scene, PixelLight())
             yield Progress(1.0, "Pass done")
             return
         surfaces = Surfaces(geometry, voxels, materials, self._materials)
@@ -544,11 +546,15 @@ class Pipeline:
         at_pixels = PixelLight(self._direct.diffuse, self._direct.glossy, **lights)
         if settings.debug_checks:
             checks.check_pixels(frame, at_pixels)
-        self.film.add(frame, lit, scene, at_pixels)
-        self.gpu.check()
-        if settings.debug_checks:
-            checks.check_film(self.film)
+        self._add(frame, lit, scene, at_pixels)
         yield Progress(1.0, "Pass done")
+
+    def _add(self, frame: Frame, lit: LitVoxels, scene: SceneData, light: PixelLight) -> None:
+        """To the film."""
+        self.film.add(frame, lit, scene, light)
+        self.gpu.check()
+        if self._settings.debug_checks:
+            checks.check_film(self.film)
 
     def rays_at(self, place: tuple[float, float]) -> SeenRays | None:
         """Rays that gather light at the surface seen at ``place``, 0..1 from the picture's lower left corner.

@@ -49,11 +49,12 @@ class Target:
         parts = ("meshes", "instances", "materials", "lights", "world")
         return all(getattr(self.scene, name) is getattr(other.scene, name) for name in parts)
 
-
     def continues(self, other: Target | None) -> bool:
         """Whether its picture is that of ``other``, with more or fewer passes, or other time for them."""
         if other is None or self.size != other.size or self.output != other.output:
             return False
+        if self.output == "sample_count" and self.settings.samples != other.settings.samples:
+            return False  # which is a share of them
         free = {name: getattr(other.settings, name) for name in _OF_NO_MATTER}
         if dataclasses.replace(self.settings, **free) != other.settings:
             return False

@@ -62,7 +62,7 @@ class Slices:
         self.renderer = ""
         self.asked: tuple[float, float] | None = None  # whose rays are to be shown: place in the picture, 0..1
         self.rays: Any = None
-        self._rays_of: tuple[Any, ...] | None = None
+        self._rays_of: tuple[Any, ...] = ()
         self._session = session
         self._inbox = inbox
 
@@ -82,12 +82,13 @@ class Slices:
 
     def find_rays(self) -> None:
         """Rays of the pixel that is asked about, in the context of the pipeline; none in the middle of preparing."""
-        progressive = self.progressive
-        wanted = self.asked, id(self.reported)
-        if self.asked is None or wanted == self._rays_of or progressive is None or not progressive.is_between_steps:
+        progressive, asked, reported = self.progressive, self.asked, self.reported  # others may come meanwhile
+        if asked is None or progressive is None or not progressive.is_between_steps:
+            return
+        if self._rays_of and self._rays_of[0] == asked and self._rays_of[1] is reported:
             return
         with self._session.pipeline() as pipeline:
-            self.rays, self._rays_of = pipeline.rays_at(self.asked), wanted
+            self.rays, self._rays_of = pipeline.rays_at(asked), (asked, reported)
 
 
 class Viewport:
@@ -200,15 +201,17 @@ class Viewport:
     def _draw_rays(self, context: Any) -> None:
         """Those of the pixel that the user asks about, found again when another picture or pixel is shown."""
         slices, asked = self._slices, rays.place_in(context.region)
-        slices.asked = None
-        if asked is None or self._view is None:
+        place: tuple[float, float] | None = None
+        if asked is not None and self._view is not None:
+            left, bottom, width, height = self._view.box
+            place = (asked[0] - left + 0.5) / width, (asked[1] - bottom + 0.5) / height
+            if min(place) < 0.0 or max(place) >= 1.0 or not self.is_lit:
+                place = None
+        else:
             slices.rays = None
-            return
-        left, bottom, width, height = self._view.box
-        place = (asked[0] - left + 0.5) / width, (asked[1] - bottom + 0.5) / height
-        if min(place) < 0.0 or max(place) >= 1.0 or not self.is_lit:
-            return
         slices.asked = place
+        if place is None:
+            return
         if self._slice is None:
             self.session.thread.start(slices.find_rays).result()
         if slices.rays is not None:

@@ -110,18 +110,20 @@ def is_contained(file: Path, folder: Path) -> tuple[bool, str]:
     from .worker import OPTIONS, OURS
 
     command = [sys.executable, str(ROOT / "scripts" / "render"), str(file), "-o", str(folder / "again.exr"), *OPTIONS]
-    result = subprocess.run(
-        command, capture_output=True, text=True, timeout=4 * CASE_SECONDS, cwd=folder, stdin=subprocess.DEVNULL,
-        check=False,
-    )  # fmt: skip
+    try:
+        result = subprocess.run(
+            command, capture_output=True, text=True, timeout=4 * CASE_SECONDS, cwd=folder, stdin=subprocess.DEVNULL,
+            check=False,
+        )  # fmt: skip
+    except subprocess.TimeoutExpired:
+        return False, f"no end after {4 * CASE_SECONDS:g} s"
     said = (result.stderr.splitlines() or [""])[-1]
     is_refused = result.returncode == 1 and said.startswith("render: ") and not any(text in said for text in OURS)
     return result.returncode == 0 or is_refused, said
 
 
-def fuzz(seconds: float, seed: int, kept: Path, only: str = "") -> Report:
-    """Renders changed files for some time. Those that broke something are kept in ``kept``."""
-
+def fuzz(seconds: float, seed: int, kept: Path, only: str = "", most: int | None = None) -> Report:
+    """Renders changed files for some time, ``most`` at most. Those that broke something are kept in ``kept``."""
     report = Report()
     names = [name for name in FILES if only in name]
     with tempfile.TemporaryDirectory(prefix="conelight-fuzz-") as top:
@@ -132,7 +134,7 @@ def fuzz(seconds: float, seed: int, kept: Path, only: str = "") -> Report:
             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
         )  # fmt: skip
         worker, end = Worker(Path(top)), time.monotonic() + seconds
-        while time.monotonic() < end:
+        while time.monotonic() < end and report.cases != most:
             number = report.cases
             chance = random.Random(f"{seed} {number}")
             name = names[number % len(names)] if chance.random() < 0.5 else chance.choice(names)

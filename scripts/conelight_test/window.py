@@ -11,10 +11,12 @@ from __future__ import annotations
 import contextlib
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from typing import IO
 
 import _bootstrap
 
@@ -32,6 +34,9 @@ PACKAGES = (
 )  # fmt: skip
 NEEDED_GIB = 3
 SET_UP_LIMIT = 900.0  # seconds
+
+#: Mounts of a command are seen by it alone, and end with it.
+PRIVATE_MOUNTS = ("unshare", "--mount", "--propagation", "private")
 
 #: Variables that tests hand on to Blender.
 HANDED_ON = (
@@ -63,7 +68,9 @@ def environment() -> Iterator[dict[str, str]]:
     if os.environ.get("CONELIGHT_BLENDER_WINDOW"):
         yield {}
         return
-    _set_up()
+    os.makedirs(FOLDER, exist_ok=True)
+    with _bootstrap.only_one("window"):
+        _set_up()
     blender = _write_script("blender", "blender")
     display = subprocess.Popen(
         [_write_script("display", "Xvfb"), "-displayfd", "1", "-screen", "0", "1280x800x24", "+extension", "GLX"],
@@ -87,6 +94,8 @@ def _set_up() -> None:
         has_system = True
         if file.read().split() == list(PACKAGES):
             return
+    if not os.environ.get("CONELIGHT_WINDOW"):
+        raise NoWindow("CONELIGHT_WINDOW=1 has a system with Blender set up (root, 1.5 GB, several minutes)")
     if not sys.platform.startswith("linux") or not hasattr(os, "geteuid") or os.geteuid() != 0:
         raise NoWindow("a system with Blender can be set up by root on Linux only")
     missing = [name for name in ("debootstrap", "apt-get", "unshare", "chroot", "mount") if not shutil.which(name)]
@@ -101,7 +110,7 @@ def _set_up() -> None:
     with open(LOG, "w", encoding="utf-8") as log:
         try:
             if not has_system:
-                _run(["debootstrap", "--variant=minbase", SUITE, SYSTEM, _mirror()], log)
+                _run([*PRIVATE_MOUNTS, "debootstrap", "--variant=minbase", SUITE, SYSTEM, _mirror()], log)
             for name in ("resolv.conf", "hosts"):
                 with contextlib.suppress(OSError):
                     shutil.copy(os.path.join("/etc", name), os.path.join(SYSTEM, "etc", name))
@@ -120,12 +129,18 @@ def _set_up() -> None:
         file.write("\n".join(PACKAGES))
 
 
-def _run(command: Sequence[str], log: object) -> None:
+def _run(command: Sequence[str], log: IO[str]) -> None:
     environ = {**os.environ, "DEBIAN_FRONTEND": "noninteractive"}
-    subprocess.run(
-        command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, env=environ, check=True,  # type: ignore[call-overload]
-        timeout=SET_UP_LIMIT,
-    )  # fmt: skip
+    process = subprocess.Popen(
+        command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, env=environ, start_new_session=True
+    )
+    try:
+        if process.wait(SET_UP_LIMIT) != 0:
+            raise subprocess.CalledProcessError(process.returncode, command[0])
+    finally:
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)  # what it started, too: else folders it has mounted stay in use
+        process.wait()
 
 
 def _mirror() -> str:

@@ -76,7 +76,7 @@ Block first_block(vec3 origin, vec3 direction)
     vec3 nearest = t > 0.0 ? enter : abs(d);
     block.axis = nearest.x >= max(nearest.y, nearest.z) ? 0 : (nearest.y >= nearest.z ? 1 : 2);
     ivec3 cell = clamp(ivec3(floor(origin + d * t)), ivec3(0), grid_size - 1);
-    int octant = 4 * (int(!forward.x) + 2 * int(!forward.y) + 4 * int(!forward.z));  // first bit of its empty cubes
+    int octant = octant_bit(not(forward));
     int budget = grid_size.x + grid_size.y + grid_size.z + 8;
     while (t < t_end && inside_grid(cell) && --budget > 0) {
         ivec3 lo = (cell >> level) << level;
