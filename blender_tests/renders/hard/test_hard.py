@@ -21,8 +21,8 @@ from .catalogue import CASES
 def _checks() -> Iterator[object]:
     for case in CASES.values():
         for check in case.checks:
-            reason, by_chance = case.missed.get(check), check == "repeat"
-            missed = [pytest.mark.xfail(strict=not by_chance, reason=reason)] if reason else []
+            reason = case.missed.get(check)
+            missed = [pytest.mark.xfail(strict=not case.by_chance, reason=reason)] if reason else []
             yield pytest.param(case, check, id=f"{case.name}-{check}", marks=missed)
 
 
