@@ -92,7 +92,7 @@ def _draw_pixels(gpu: GpuContext, name: str, target: moderngl.Texture, frame: Fr
         "pixel_view",
         frame.defines
         | voxels.trace_defines
-        | (lit.lights.defines(settings) if asks_lights else {})
+        | lit.lights.defines(settings)
         | _NUMBERS
         | {"VIEW": f"VIEW_{name.upper()}"},
     )
@@ -126,6 +126,7 @@ def trace_rays(gpu: GpuContext, frame: Frame, lit: LitVoxels, pixel: tuple[int, 
         voxels.trace_defines
         | lit.world.defines
         | {
+            "WORLD_IS_DRAWN": False,
             "GATHER_CONES": cones,
             "GATHER_OCCLUSION": features.gather_occlusion or lit.radiance is None,
             "HAS_EMITTERS": features.gathers_emission and lit.radiance is not None,

@@ -22,6 +22,8 @@ from addon.scene import CameraData, LightData, LightKind, MeshData, RayVisibilit
 from addon.settings import Settings
 from blender_tests.passes import run, scenes
 
+pytestmark = pytest.mark.once
+
 EXAMPLES = int(os.environ.get("CONELIGHT_EXAMPLES", "0"))
 some = settings(
     derandomize=not EXAMPLES, max_examples=EXAMPLES or 8, deadline=None, database=None,

@@ -14,6 +14,8 @@ from blender_tests.fuzz import run, worker
 from blender_tests.soak import edits, renders
 from blender_tests.soak.measure import Record
 
+pytestmark = pytest.mark.once
+
 
 def test_damaged_files_break_nothing(tmp_path: Path) -> None:
     report = run.fuzz(1000.0, 1, tmp_path, most=24)

@@ -87,5 +87,22 @@ def test_no_system_is_set_up_by_others_than_root(monkeypatch: pytest.MonkeyPatch
     monkeypatch.delenv("CONELIGHT_BLENDER_WINDOW", raising=False)
     monkeypatch.setattr(runner.window, "READY", str(tmp_path / "ready"))
     monkeypatch.setattr(runner.window.os, "geteuid", lambda: 1000)
-    with pytest.raises(runner.window.NoWindow, match="root"), runner.window.environment():
-        pass
+    for asked, answer in (("", "CONELIGHT_WINDOW=1 has"), ("1", "by root on Linux only")):
+        monkeypatch.setenv("CONELIGHT_WINDOW", asked)
+        with pytest.raises(runner.window.NoWindow, match=answer), runner.window.environment():
+            pass
+
+
+def test_what_all_pythons_and_drivers_say_alike_is_asked_once(
+    tests: pathlib.Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = []
+    monkeypatch.setenv("CONELIGHT_ALL_DRIVERS", "1")
+    monkeypatch.setattr(runner, "has_lavapipe", lambda: True)
+    monkeypatch.setattr(runner, "pythons", lambda: ["one", "two"])
+    monkeypatch.setattr(runner, "run_in_window", lambda *_: runner.Totals())
+    monkeypatch.setattr(runner, "announced", lambda *run: asked.append(run) or runner.Totals())
+    runner.main([str(tests / "passes")])
+    assert [(bool(run.environ), python, options) for run, python, options in asked] == [
+        (False, "one", []), (True, "one", runner.AGAIN), (False, "two", runner.AGAIN),
+    ]  # fmt: skip

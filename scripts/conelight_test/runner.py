@@ -26,6 +26,9 @@ TESTS = os.path.join(ROOT, "blender_tests")
 WORKER = os.path.join(ROOT, "scripts", "conelight_test", "worker.py")
 PROCESS_LIMIT = 1500.0  # seconds; a process that takes longer hangs
 
+#: With a second Python or GL, what says the same with all of them is left out.
+AGAIN = ["-m", "not once"]
+
 #: Environment of a second GL implementation: OpenGL by zink on Vulkan by lavapipe, both of Mesa. On the CPU zink
 #: compiles uniforms that bound loops into programs, and then runs programs compiled for other values (Mesa 22.3).
 ZINK = {"LIBGL_ALWAYS_SOFTWARE": "1", "MESA_LOADER_DRIVER_OVERRIDE": "zink", "ZINK_INLINE_UNIFORMS": "0"}
@@ -175,10 +178,11 @@ def main(arguments: Sequence[str]) -> int:
               "pass tests run on one OpenGL only.", flush=True)
         second_driver = False
     for number, python in enumerate(pythons()):
-        runs = plan(targets, second_driver)
+        runs = plan(targets, second_driver and number == 0)
         for run in runs:
             if not run.needs_window:
-                total.add(announced(run, python, options))
+                again = [] if number == 0 and not run.environ else AGAIN
+                total.add(announced(run, python, [*again, *options]))
         if number == 0:  # tests in a window use another Blender, with a Python of its own
             total.add(run_in_window([run for run in runs if run.needs_window], python, options))
     print(total.line(), flush=True)

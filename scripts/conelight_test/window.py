@@ -68,9 +68,7 @@ def environment() -> Iterator[dict[str, str]]:
     if os.environ.get("CONELIGHT_BLENDER_WINDOW"):
         yield {}
         return
-    os.makedirs(FOLDER, exist_ok=True)
-    with _bootstrap.only_one("window"):
-        _set_up()
+    _set_up()
     blender = _write_script("blender", "blender")
     display = subprocess.Popen(
         [_write_script("display", "Xvfb"), "-displayfd", "1", "-screen", "0", "1280x800x24", "+extension", "GLX"],
@@ -89,11 +87,8 @@ def environment() -> Iterator[dict[str, str]]:
 
 def _set_up() -> None:
     """Once; raises NoWindow where that cannot be."""
-    has_system = False
-    with contextlib.suppress(OSError), open(READY, encoding="ascii") as file:
-        has_system = True
-        if file.read().split() == list(PACKAGES):
-            return
+    if _packages() == list(PACKAGES):
+        return
     if not os.environ.get("CONELIGHT_WINDOW"):
         raise NoWindow("CONELIGHT_WINDOW=1 has a system with Blender set up (root, 1.5 GB, several minutes)")
     if not sys.platform.startswith("linux") or not hasattr(os, "geteuid") or os.geteuid() != 0:
@@ -103,6 +98,21 @@ def _set_up() -> None:
         raise NoWindow(f"there is no {missing[0]} to set up a system with Blender")
     if shutil.disk_usage(_bootstrap.ROOT).free < NEEDED_GIB << 30:
         raise NoWindow(f"there are not {NEEDED_GIB} GiB left on the disk for a system with Blender")
+    with _bootstrap.only_one("window"):
+        if _packages() != list(PACKAGES):
+            _install()
+
+
+def _packages() -> list[str]:
+    """What the system that is there has of what is listed; empty: there is none."""
+    with contextlib.suppress(OSError), open(READY, encoding="ascii") as file:
+        return file.read().split()
+    return []
+
+
+def _install() -> None:
+    """A new system, or what was listed since in the one that is there."""
+    has_system = bool(_packages())
     print("Setting up a system with a Blender that opens windows, once: 1.5 GB on disk, several minutes.", flush=True)
     if not has_system:
         shutil.rmtree(SYSTEM, ignore_errors=True)

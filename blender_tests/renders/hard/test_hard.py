@@ -17,6 +17,8 @@ from . import answers, measure
 from .case import VARIANTS, Case
 from .catalogue import CASES
 
+pytestmark = pytest.mark.once
+
 
 def _checks() -> Iterator[object]:
     for case in CASES.values():
