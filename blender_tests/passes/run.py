@@ -190,6 +190,7 @@ def radiance(made: Pipeline) -> np.ndarray:
 
 
 def unit_grid(size: int | tuple[int, int, int]) -> VoxelGrid:
-    """World space is grid space."""
+    """World space is grid space. Whole bricks, as all grids are."""
     sides = (size, size, size) if isinstance(size, int) else size
+    assert all(side % interface.BRICK == 0 for side in sides)
     return VoxelGrid((0.0, 0.0, 0.0), 1.0, sides)

@@ -322,7 +322,7 @@ def report(gpu: GpuContext, made: SceneData, settings: Settings) -> tuple[Featur
             passes = [entry["name"] for entry in ready.statistics()["passes"]]
             return ready.features, passes, compiled, set(ready.statistics()["memory"])
     finally:
-        gpu.kernel = original  # type: ignore[method-assign]
+        del gpu.kernel  # the class has its own
 
 
 #: What the camera sees is drawn from these.

@@ -87,7 +87,7 @@ def test_simple_shapes_have_no_more_faces(gpu: GpuContext) -> None:
     tilted = scenes.soup([[[0.3, 0.2, 1.0], [9.0, 0.5, 5.0], [0.5, 9.0, 7.0]]])
     room = scenes.box((1.3, 1.4, 1.6), (8.7, 8.3, 8.6), inside_out=True)
     for shape in (tilted, room):
-        with voxelized(gpu, scenes.scene((shape, WHITE)), unit_grid(10)) as found:
+        with voxelized(gpu, scenes.scene((shape, WHITE)), unit_grid(12)) as found:
             for cell in range(len(found.cells)):
                 facings = found.faces["facing"][found.faces["cell"] == cell]
                 assert len(facings) == len(set(facings))
