@@ -43,7 +43,7 @@ class StandInContext:
 
 
 class StandInPipeline:
-    def __init__(self, context: StandInContext) -> None:
+    def __init__(self, context: StandInContext, *, is_live: bool) -> None:
         self.context = context
         context.note("made")
 
