@@ -111,7 +111,7 @@ class StandInFilm:
 class StandInPipeline:
     warnings = ("voxelize: a warning of the pipeline",)
 
-    def __init__(self, context: StandInContext) -> None:
+    def __init__(self, context: StandInContext, *, is_live: bool) -> None:
         self.film = StandInFilm()
         script.pipelines += 1
 
