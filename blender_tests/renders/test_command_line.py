@@ -182,7 +182,7 @@ def test_frames_share_what_does_not_change(moving_blend: pathlib.Path, tmp_path:
     ]
     for name in ("materials", "geometry", "voxelize", "compile"):
         assert calls[0][name] == calls[1][name], name
-    assert calls[0]["surface"] == 3 * calls[1]["surface"]
+    assert calls[0]["visibility"] == 3 * calls[1]["visibility"]
     names = ["a_0001.exr", "a_0002.exr", "a_0003.exr"]
     assert sorted(path.name for path in (tmp_path / "1-3").iterdir()) == names
     assert np.array_equal(pixels(tmp_path / "1-3" / names[1]), pixels(tmp_path / "2" / names[1]))
