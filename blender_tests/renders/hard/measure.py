@@ -139,10 +139,20 @@ def fingerprint(scene: Any) -> str:
     trees = [(material.name, material.node_tree) for material in bpy.data.materials]
     trees += [("world", scene.world.node_tree)] if scene.world else []
     for name, tree in sorted(trees, key=lambda entry: entry[0]):
-        for node in tree.nodes:
-            values = [_plain(i.default_value) for i in node.inputs if hasattr(i, "default_value") and i.enabled]
-            facts.append([name, node.bl_idname, values if node.bl_idname != "ShaderNodeOutputMaterial" else []])
+        for node in list(tree.nodes):
+            facts.append([name, node.bl_idname, _set_values(tree, node)])
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+
+
+def _set_values(tree: Any, node: Any) -> list[Any]:
+    """Inputs that are not as they come: each Blender's nodes have some that others lack."""
+    fresh = tree.nodes.new(node.bl_idname)
+    try:
+        ready = {i.identifier: _plain(i.default_value) for i in fresh.inputs if hasattr(i, "default_value")}
+        values = {i.identifier: _plain(i.default_value) for i in node.inputs if i.identifier in ready}
+        return sorted([name, value] for name, value in values.items() if value != ready[name])
+    finally:
+        tree.nodes.remove(fresh)
 
 
 def _plain(value: Any) -> Any:
