@@ -140,7 +140,7 @@ bool is_blocked(vec3 origin, vec3 direction, float limit, uint seed)
     return trace(origin, direction, limit, RAY_SHADOW, true, seed).triangle != NONE_INDEX;
 }
 
-// From so far (cells) a ray still ends where it should.
+// From so far (cells) a ray ends within a tenth of RAY_START of where it should: a float has 24 bits.
 const float MOST_EXACT = 1e3;
 
 // Whether something stands between a receiver at origin and a point on a light, `distance` cells along direction. The ray

@@ -47,6 +47,7 @@ const uint SAMPLES = 4u;
 bool has_changed = false;
 #endif
 
+// As is_blocked of lib/trace.glsl; while changes are looked for, only whether an edit may matter to it is noted.
 bool is_shadowed(vec3 origin, vec3 direction, float limit, uint seed)
 {
 #if FINDS_CHANGED
@@ -57,6 +58,7 @@ bool is_shadowed(vec3 origin, vec3 direction, float limit, uint seed)
 #endif
 }
 
+// As is_shaded, likewise.
 bool shades(vec3 origin, vec3 direction, float distance, uint seed)
 {
 #if FINDS_CHANGED
