@@ -389,9 +389,7 @@ def test_long_chains() -> None:
     assert result.warnings == []
     assert result.families[0].source.count(" + ") >= count - 1
     shaders = [node("S0", "Emission", Color=(1.0,) * 4, Strength=1.0), principled("S1")]
-    shaders += [
-        node(f"S{i}", "AddShader", Shader=f"S{i - 1}.Shader", Shader_001="S0.Shader") for i in range(2, count)
-    ]
+    shaders += [node(f"S{i}", "AddShader", Shader=f"S{i - 1}.Shader", Shader_001="S0.Shader") for i in range(2, count)]
     shaders = [
         replace(n, inputs={k: replace(s, kind="SHADER") if s.link else s for k, s in n.inputs.items()}) for n in shaders
     ]
