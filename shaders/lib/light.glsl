@@ -139,7 +139,7 @@ LightSample sample_area(Light light, vec3 position, vec2 u)
     vec2 place = mix(view.low, view.high, u);
 #if HAS_RECTANGLES
     if (view.is_wide && !view.is_ellipse) {
-        place = sample_rectangle(view.rectangle, u);
+        place = sample_rectangle(view.rectangle, view.is_turned ? u.yx : u);
         place = view.is_turned ? place.yx : place;
     }
 #endif
