@@ -7,6 +7,7 @@ import contextlib
 import pathlib
 import sys
 from collections.abc import Iterator
+from concurrent.futures import Future
 
 import pytest
 from conelight_test import runner
@@ -73,12 +74,12 @@ def test_without_a_window_the_reason_is_said_and_nothing_fails(
     assert [run.targets for run in runs] == [("blender_tests/window/test_f.py",)]
 
     @contextlib.contextmanager
-    def environment() -> Iterator[dict[str, str]]:
+    def environment(_: Future[None]) -> Iterator[dict[str, str]]:
         raise runner.window.NoWindow("there is no display")
         yield {}
 
     monkeypatch.setattr(runner.window, "environment", environment)
-    totals = runner.run_in_window(runs, sys.executable, [])
+    totals = runner.run_in_window(runs, sys.executable, [], Future())
     assert totals == runner.Totals()
     assert capsys.readouterr().out == "Not tested in a window: there is no display.\n"
 
@@ -89,8 +90,9 @@ def test_no_system_is_set_up_by_others_than_root(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(runner.window.os, "geteuid", lambda: 1000)
     for asked, answer in (("", "CONELIGHT_WINDOW=1 has"), ("1", "by root on Linux only")):
         monkeypatch.setenv("CONELIGHT_WINDOW", asked)
-        with pytest.raises(runner.window.NoWindow, match=answer), runner.window.environment():
-            pass
+        with runner.window.being_set_up() as system, pytest.raises(runner.window.NoWindow, match=answer):
+            with runner.window.environment(system):
+                pass
 
 
 def test_what_all_pythons_and_drivers_say_alike_is_asked_once(
