@@ -464,38 +464,49 @@ def case_random_vulkan() -> Steps:
 
 
 def random_edits() -> Steps:
-    """Now and then the scene is made what it was, so that what is taken can be compared."""
+    """Now and then the scene is made what it was, so that what is taken can be compared: with what Blender takes by
+    itself for the same edits, too."""
     settings().viewport_samples = 2
     operator(bpy.ops.ed.undo_push, message="engine")
     before = remember()
     shade("RENDERED")
     yield from converge("start")
     kept("start")
-    drawn = view_draws()
     chance = random.Random(1)
     end = time.perf_counter() + float(os.environ.get("CONELIGHT_RANDOM_SECONDS", "60"))
     counts: dict[str, int] = {}
     objects: list[int] = []
     programs: list[int] = []
     while time.perf_counter() < end:
-        for _ in range(25):
-            edit = chance.choice(EDITS)
-            counts[edit.__name__] = counts.get(edit.__name__, 0) + 1
-            edit(chance)
-            area("VIEW_3D").tag_redraw()
-            yield chance.choice((0.0, 0.02, 0.1, 0.5))
+        yield from some_edits(chance, counts)
         put_back(before)
         yield from converge("rest")
         contexts = [viewport.session._context for viewport in viewports()]
         objects.append(sum(context.object_count for context in contexts))
         programs.append(sum(len(context._kernels) + len(context._programs) for context in contexts))
         kept("edits")
-    drawn = view_draws() - drawn
     yield from leave()
     kept("leaving")
-    yield from idle(drawn)
-    kept("idle")
+    bpy.utils.register_class(IdleEngine)
+    chance = random.Random(1)
+    for _ in objects:
+        bpy.context.scene.render.engine = IdleEngine.bl_idname
+        yield from some_edits(chance, {})
+        put_back(before)
+        kept("idle")
+    shade("SOLID")
+    yield 1.0
     measured.update(edits=counts, objects=objects, programs=programs)
+
+
+def some_edits(chance: random.Random, counts: dict[str, int]) -> Steps:
+    """Adds to ``counts`` how often each kind was done."""
+    for _ in range(25):
+        edit = chance.choice(EDITS)
+        counts[edit.__name__] = counts.get(edit.__name__, 0) + 1
+        edit(chance)
+        area("VIEW_3D").tag_redraw()
+        yield chance.choice((0.0, 0.02, 0.1, 0.5))
 
 
 def remember() -> list[tuple[str, str, str, Any]]:
