@@ -465,19 +465,19 @@ def case_random_vulkan() -> Steps:
 
 def random_edits() -> Steps:
     """Now and then the scene is made what it was, so that what is taken can be compared: with what Blender takes by
-    itself for the same edits, too."""
+    itself for the same edits and as many drawings, too. Ends before that is more than a process may have."""
     settings().viewport_samples = 2
     operator(bpy.ops.ed.undo_push, message="engine")
     before = remember()
     shade("RENDERED")
     yield from converge("start")
     kept("start")
-    chance = random.Random(1)
+    chance, drawn = random.Random(1), view_draws()
     end = time.perf_counter() + float(os.environ.get("CONELIGHT_RANDOM_SECONDS", "60"))
     counts: dict[str, int] = {}
     objects: list[int] = []
     programs: list[int] = []
-    while time.perf_counter() < end:
+    while time.perf_counter() < end and mappings_used() < 0.3:
         yield from some_edits(chance, counts)
         put_back(before)
         yield from converge("rest")
@@ -485,17 +485,18 @@ def random_edits() -> Steps:
         objects.append(sum(context.object_count for context in contexts))
         programs.append(sum(len(context._kernels) + len(context._programs) for context in contexts))
         kept("edits")
+    drawn = view_draws() - drawn
     yield from leave()
     kept("leaving")
-    bpy.utils.register_class(IdleEngine)
-    chance = random.Random(1)
+    chance, start = random.Random(1), view_draws()
     for _ in objects:
-        bpy.context.scene.render.engine = IdleEngine.bl_idname
+        yield from idle(0)
+        shade("RENDERED")
         yield from some_edits(chance, {})
         put_back(before)
         kept("idle")
-    shade("SOLID")
-    yield 1.0
+    yield from idle(drawn - (view_draws() - start))
+    kept("idle")
     measured.update(edits=counts, objects=objects, programs=programs)
 
 
@@ -507,6 +508,14 @@ def some_edits(chance: random.Random, counts: dict[str, int]) -> Steps:
         edit(chance)
         area("VIEW_3D").tag_redraw()
         yield chance.choice((0.0, 0.02, 0.1, 0.5))
+
+
+def mappings_used() -> float:
+    """Of the memory mappings that a process may have, what share this one has."""
+    with open("/proc/sys/vm/max_map_count", encoding="ascii") as file:
+        most = int(file.read())
+    with open("/proc/self/maps", encoding="utf-8") as file:
+        return sum(1 for _ in file) / most
 
 
 def remember() -> list[tuple[str, str, str, Any]]:
