@@ -407,6 +407,11 @@ class GpuContext:
         """Textures, buffers and other objects alive (programs apart)."""
         return len(self._objects)
 
+    @property
+    def program_count(self) -> int:
+        """Compiled programs that are kept."""
+        return len(self._kernels) + len(self._programs)
+
     def release(self) -> None:
         """Release everything that was made here, and the context when it is ours."""
         for _, thing, _ in list(self._objects.values()):
