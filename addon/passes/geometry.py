@@ -410,8 +410,7 @@ def _slots(instances: Sequence[InstanceData]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _fill_matrices(records: np.ndarray, grid_from_object: np.ndarray) -> None:
-    """``grid_from_object``: (N, 4, 4). What is flat has no inverse and gets the closest thing to it, whose points lie in
-    the middle plane of the object."""
+    """``grid_from_object``: (N, 4, 4). What is flat has no inverse and gets the closest thing to it."""
     axes = grid_from_object[:, :3, :3]
     longest = np.linalg.norm(axes, axis=1).max(axis=1)
     regular = np.abs(np.linalg.det(axes)) > _FLAT * longest**3

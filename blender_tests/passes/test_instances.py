@@ -41,8 +41,8 @@ def cards() -> MeshData:
 
 
 def crowd(**more: object) -> SceneData:
-    """Over a floor that is there once: smooth, mirrored, flat, glowing, glossy, partly transparent, held-out instances, some
-    of which only some rays see."""
+    """Over a floor that is there once: smooth, mirrored, flat, glowing, glossy, partly transparent, held-out instances,
+    some of which only some rays see."""
     rng = np.random.default_rng(5)
     checks = material(
         node("C", "TexCoord"), node("T", "TexChecker", Vector="C.UV", Scale=3.0),
