@@ -161,6 +161,22 @@ class VoxelizePass:
             self._temporary = []
             self._owned += before
 
+    def bricks_with(self, marked: np.ndarray) -> np.ndarray:
+        """(z, y, x) bool: bricks that marked triangles enter. ``marked``: bool for each triangle, or for each instance
+        where these share triangles."""
+        voxels = self.voxels
+        assert voxels is not None
+        width = voxels.cell_triangles.components
+        listed = np.frombuffer(voxels.cell_triangles.read(), np.uint32).reshape(-1, width)[: voxels.pair_count, 0]
+        records = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
+        bricks = np.frombuffer(voxels.bricks.read(), np.uint32).reshape(-1, 4)
+        counts = popcount(np.ascontiguousarray(bricks[:, :2]).view(np.uint64).ravel())
+        found = np.zeros(len(bricks), bool)
+        if len(records):
+            cells = np.logical_or.reduceat(marked[listed], records[:, 0])
+            found[np.repeat(np.arange(len(bricks)), counts)[cells]] = True
+        return found.reshape(voxels.grid.bricks[::-1])
+
     def _can_take_over(self, geometry: Geometry, materials: MaterialSet, has_faces: bool) -> bool:
         old = self.voxels
         return (
