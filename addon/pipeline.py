@@ -22,6 +22,7 @@ from .camera import CameraRays, pixel_offset
 from .edit import MAX_INSTANCES, Edit, edit_between
 from .features import Features
 from .gpu.context import GpuContext
+from .gpu.interface import NONE_INDEX
 from .grid import VoxelGrid, choose_resolution, scene_bounds
 from .passes.bounce import BouncePass, LinkPass
 from .passes.compose import Film, PixelLight
@@ -144,7 +145,7 @@ class Pipeline:
         self._repainted: Repainted | None = None  # what looks different since voxels were made
         self._settings = Settings()
         self._size = (0, 0)
-        self._radiance_version = 0
+        self._emitter_version = self._radiance_version = 0
         #: Of the last ``prepare`` that did any: cells that were voxelized, faces that were linked to others and lit.
         self.redone = {"cells": 0, "linked_faces": 0, "lit_faces": 0}
         self._failed_with_geometry = False  # the last error came after the geometry was there
@@ -234,8 +235,8 @@ class Pipeline:
                 memo.forget("geometry", "emitters", "voxels")
             else:
                 self._repainted = found.and_before(self._repainted)
-                if found.emits:
-                    memo.forget("emitters", "links", "irradiance")
+                if found.glows.any():
+                    memo.forget("emitters")
             memo.done("materials", scene.materials, uv_layers)
         materials = self._materials.set
         assert materials is not None
@@ -266,7 +267,7 @@ class Pipeline:
             if settings.debug_checks and self._geometry.geometry is not None:
                 checks.check_geometry(self._geometry.geometry)
             if edit is None or self._emitters.may_include(scene, edit.instances, materials):
-                memo.forget("emitters", "links", "irradiance")
+                memo.forget("emitters", "links")
             memo.forget("voxels")
             memo.done("geometry", *shape, *resolution)
             yield Progress(0.05, "Voxelizing")
@@ -276,6 +277,7 @@ class Pipeline:
         if memo.stale("emitters"):
             for share in self._emitters.run(scene, geometry, materials, self._materials):
                 yield Progress(0.04 + 0.01 * share, "Finding emitters")
+            self._emitter_version += 1
             memo.done("emitters")
         self._emitters.compare(scene, geometry)
         features = Features.from_scene(
@@ -305,10 +307,14 @@ class Pipeline:
         is_only_repainted = looks is not None and edit is None and not memo.stale("voxels", features.needs_radiance)
         if looks is not None:
             memo.forget("voxels", "radiance")
+        glows: np.ndarray | None = None  # bricks whose emission may be another, where nothing else has changed
         if memo.stale("voxels", features.needs_radiance):
+            before = memo.copy()
+            glows = self._glowing_bricks(scene) if is_only_repainted else None
             if not is_only_repainted:
-                before = memo.copy()
                 memo.forget("links", "irradiance", "neighbours")
+            elif glows is not None:
+                memo.forget("links")
             changed = edit.bricks if edit else None
             if looks is not None and (edit or is_only_repainted):
                 changed = looks | edit.bricks if edit else looks
@@ -320,6 +326,7 @@ class Pipeline:
                 checks.check_voxels(self._voxelize.voxels, geometry.triangle_count)
             if is_only_repainted and self._voxelize.numbers_before is None:
                 memo.forget("links", "irradiance", "neighbours")  # faces have other numbers
+                glows = None
             memo.done("voxels", features.needs_radiance)
             redone["cells"] = self._voxelize.made
             self._repainted = None
@@ -334,7 +341,11 @@ class Pipeline:
 
         if features.needs_radiance:
             changes = None
-            if edit and self._voxelize.numbers_before is not None:
+            if glows is not None:  # links to faces that are said to be new are traced again
+                numbers = np.arange(faces_before, dtype=np.uint32)
+                numbers[self._voxelize.faces_in(glows)] = NONE_INDEX
+                changes = FaceChanges(self.gpu, numbers, faces_before, np.zeros((0, 2, 3)), np.zeros((0, 2, 3)))
+            elif edit and self._voxelize.numbers_before is not None:
                 changes = FaceChanges(
                     self.gpu, self._voxelize.numbers_before, faces_before, edit.ray_boxes, edit.cell_boxes
                 )
@@ -395,14 +406,29 @@ class Pipeline:
             return None
         if edit is None and not self._memo.has("voxels"):
             return None
-        by_slot = [looks.materials[list(instance.materials)] for instance in scene.instances]
-        if not shares_triangles(scene):
-            by_slot = [
-                slots[scene.meshes[instance.mesh].triangle_slots]
-                for slots, instance in zip(by_slot, scene.instances, strict=True)
-            ]
-            return self._voxelize.bricks_with(np.concatenate(by_slot))
-        return self._voxelize.bricks_with(np.array([slots.any() for slots in by_slot]))
+        return self._bricks_of(looks.materials, scene)
+
+    def _glowing_bricks(self, scene: SceneData) -> np.ndarray | None:
+        """(z, y, x) bool: bricks in which rays may find faces where they meet what emits now or did; None: none of it
+        has changed."""
+        assert self._repainted is not None
+        if not self._repainted.glows.any():
+            return None
+        found = np.pad(self._bricks_of(self._repainted.glows, scene), 1)  # faces of the cells beside, too
+        for axis in range(3):
+            found = found | np.roll(found, 1, axis) | np.roll(found, -1, axis)
+        return found[1:-1, 1:-1, 1:-1]
+
+    def _bricks_of(self, materials: np.ndarray, scene: SceneData) -> np.ndarray:
+        """(z, y, x) bool: bricks that surfaces of ``materials`` (M,) bool enter."""
+        by_slot = [materials[list(instance.materials)] for instance in scene.instances]
+        if shares_triangles(scene):
+            return self._voxelize.bricks_with(np.array([slots.any() for slots in by_slot]))
+        by_triangle = [
+            slots[scene.meshes[instance.mesh].triangle_slots]
+            for slots, instance in zip(by_slot, scene.instances, strict=True)
+        ]
+        return self._voxelize.bricks_with(np.concatenate(by_triangle))
 
     def _release_light(self) -> None:
         """Of voxels."""
@@ -469,8 +495,8 @@ class Pipeline:
                 yield Progress(0.8, "Lighting voxels")
             memo.done("neighbours")
         light = (
-            settings.seed, settings.use_shadows, settings.light_falloff, settings.bounce_rays, drawn,
-            self._scene.world if world_drawn and self._scene else None,
+            settings.seed, settings.use_shadows, settings.light_falloff, settings.bounce_rays,
+            self._emitter_version if drawn else 0, self._scene.world if world_drawn and self._scene else None,
         )  # fmt: skip
         if memo.stale("irradiance", *light):
             memo.forget("radiance")

@@ -72,13 +72,13 @@ class Repainted:
     """Materials that look different from before, where nothing else of them has changed."""
 
     materials: np.ndarray  # (M,) bool
-    emits: bool  # one of them glows, or did
+    glows: np.ndarray  # (M,) bool: all that emit or did, where that may have changed of one; else none
 
     def and_before(self, earlier: Repainted | None) -> Repainted:
         """Both together."""
         if earlier is None:
             return self
-        return Repainted(self.materials | earlier.materials, self.emits or earlier.emits)
+        return Repainted(self.materials | earlier.materials, self.glows | earlier.glows)
 
 
 def repainted(old: MaterialSet | None, new: MaterialSet) -> Repainted | None:
@@ -94,7 +94,14 @@ def repainted(old: MaterialSet | None, new: MaterialSet) -> Repainted | None:
     ]
     if any(family.has_transparency or family.has_transmission for family in families):
         return None
-    return Repainted(changed, any(family.has_emission for family in families))
+    glows = emitting(old) | emitting(new)
+    return Repainted(changed, glows if (glows & changed).any() else np.zeros(count, bool))
+
+
+def emitting(materials: MaterialSet) -> np.ndarray:
+    """(M,) bool: materials that may emit."""
+    compiled = materials.compiled
+    return np.array([compiled.families[material.family].has_emission for material in compiled.materials], bool)
 
 
 def _look(made: MaterialSet, index: int) -> tuple:

@@ -269,7 +269,19 @@ def test_what_begins_or_ends_to_glow(before: MaterialData, now: MaterialData, gp
     with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
         prepare(ready, painted, SETTINGS, SIZE)
         sample(ready, 1)
-        assert "geometry" not in gpu.times and shares(ready)["cells"] < 0.3
+        assert "geometry" not in gpu.times and "neighbours" not in gpu.times
+        assert shares(ready)["cells"] < 0.3 and 0.0 < shares(ready)["linked_faces"] < 0.9
+        assert_same(bits(ready), fresh(gpu, painted))
+
+
+def test_a_first_glow(gpu: GpuContext) -> None:
+    """Links brought no light before."""
+    made = room()
+    painted = repainted(made, {2: GLOWING})
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        for edited in (painted, made, painted):
+            prepare(ready, edited, SETTINGS, SIZE)
+        sample(ready, 1)
         assert_same(bits(ready), fresh(gpu, painted))
 
 
