@@ -76,7 +76,7 @@ def test_gradients_stay(gpu: GpuContext) -> None:
 
 
 def test_small_pictures_keep_their_light(gpu: GpuContext) -> None:
-    """A peak in the middle of 8 x 8 pixels, in sight of walls: what it would give, pixels at the edges would not take."""
+    """A peak in the middle of 8 x 8 pixels, near to walls: what it would give, pixels at the edges would not take."""
     y, x = np.mgrid[:8, :8] - 3.5
     light = np.full((8, 8, 4), 1.0, np.float32)
     light[..., :3] = np.exp(-0.25 * (x * x + y * y))[..., None]
