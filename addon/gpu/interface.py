@@ -61,7 +61,7 @@ BOX_FAN = 8
 #: Room for boxes: so many for each sixteen entries of lists; a long list has no more.
 BOXES_PER_16 = 3
 
-#: Triangles of a cell up to which one thread sums them up: software rasterizers end a thread's loops after 65536 rounds.
+#: Triangles of a cell up to which one thread sums them up: software rasterizers end its loops after 65536 rounds.
 CROWD = 4096
 #: Triangles that a thread sums up where there are more, and words of a crowded cell's sums (lib/crowd.glsl).
 CROWD_RUN = 256

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 #: Share of all entries that long lists have where boxes are worth their while. As measured, rays take as long with them
 #: at a share of 0.3, and half as long at 0.9.
 LEAST_SHARE = 0.5
+#: Entries of the longest list that rays may ask one by one: a thread that follows sixteen rays through such cells stays
+#: below the 65536 rounds after which software rasterizers end its loops.
+LONGEST = 256
 #: Entries of lists that are worked on in one step, but for a longer list.
 ENTRIES_PER_STEP = 1 << 19
 
@@ -33,8 +36,7 @@ ENTRIES_PER_STEP = 1 << 19
 def are_boxed(counts: np.ndarray) -> bool:
     """Whether lists of ``counts`` (N,) triangles have boxes."""
     long = counts[counts > interface.LONG_LIST]
-    is_crowded = bool((long > interface.CROWD).any())
-    return is_crowded or int(long.sum(dtype=np.int64)) > LEAST_SHARE * int(counts.sum(dtype=np.int64))
+    return bool((long > LONGEST).any()) or int(long.sum(dtype=np.int64)) > LEAST_SHARE * int(counts.sum(dtype=np.int64))
 
 
 def box_room(entries: int) -> int:

@@ -24,8 +24,7 @@ class Case:
     ``exact``: the mean of the picture and of each of its parts, W/(m2 sr), by ``formula``; None: Cycles says it.
     ``same_as``: another case of which Cycles' picture is the answer, where Cycles itself cannot render this one.
     ``offset``, ``scale``: where the scene lies and how large it is; it is moved there last.
-    ``reason``: why a bound is not tighter. ``missed``: checks that do not hold yet, and why;
-    ``by_chance``: some of them do now and then.
+    ``reason``: why a bound is not tighter. ``missed``: checks that do not hold yet, and why.
     ``skipped``: checks that mean nothing for this case, and why.
     """
 
@@ -45,7 +44,6 @@ class Case:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scale: float = 1.0
     missed: Mapping[str, str] = field(default_factory=dict)
-    by_chance: bool = False
     skipped: Mapping[str, str] = field(default_factory=dict)
 
     @property
