@@ -434,7 +434,8 @@ class VoxelizePass:
         gpu, slot = self.gpu, interface.slot
         count = len(lists.records)
         assert lists.parts is not None
-        kernel = gpu.kernel("voxel_cut", geometry.defines | {"IS_PART": taken is not None})
+        defines = {"HAS_BOXES": False, "IS_PART": taken is not None, "IS_CROWDED": False, "CROWD_STEP": 0}
+        kernel = gpu.kernel("voxel_cut", geometry.defines | defines)
         work_count = count
         if taken:
             cells = np.flatnonzero(~taken.stays).astype(np.uint32)
@@ -469,7 +470,8 @@ class VoxelizePass:
         lists.crowd_sums.bind_to_storage_buffer(interface.slot("BUF_RESULTS"))
         self._temporary.append(lists.crowd_sums)
         for step in range(4):
-            kernel = gpu.kernel("voxel_cut", geometry.defines | {"IS_CROWDED": True, "CROWD_STEP": step})
+            defines = {"HAS_BOXES": False, "IS_PART": False, "IS_CROWDED": True, "CROWD_STEP": step}
+            kernel = gpu.kernel("voxel_cut", geometry.defines | defines)
             for number, cell in enumerate(lists.crowded.tolist()):
                 kernel.set(crowd=number, crowd_cell=cell)
                 kernel.run_list(-(-int(lists.records[cell, 1]) // interface.CROWD_RUN))

@@ -43,9 +43,9 @@ struct ListWalk {
     vec3 low_from, high_from, inverse;
 };
 
-// The way of a ray through a cell's list. `inverse`: one over its direction; `slack`: how much wider than
-// a line it is on each axis, see list_slack().
-ListWalk begin_list(uvec4 record, vec3 origin, vec3 cell, vec3 inverse, vec3 slack)
+// The way of a ray through a cell's list. Lengths are sides of the cell: `from`: where the ray starts, from the cell's
+// lowest corner; `inverse`: one over its direction; `slack`: how much wider than a line it is, see list_slack().
+ListWalk begin_list(uvec4 record, vec3 from, vec3 inverse, vec3 slack)
 {
     ListWalk walk;
     bool is_long = record.y > LONG_LIST;
@@ -55,8 +55,8 @@ ListWalk begin_list(uvec4 record, vec3 origin, vec3 cell, vec3 inverse, vec3 sla
     walk.end = is_long ? walk.next : walk.last;
     walk.box = first_box(record);
     walk.box_end = walk.box + (is_long ? 1u : 0u);
-    walk.low_from = origin - cell + (BOX_MARGIN + slack);
-    walk.high_from = origin - cell + (BOX_MARGIN - slack);
+    walk.low_from = from + (BOX_MARGIN + slack);
+    walk.high_from = from + (BOX_MARGIN - slack);
     walk.inverse = inverse;
     return walk;
 }
@@ -97,7 +97,7 @@ struct ListWalk {
     uint next, end;
 };
 
-ListWalk begin_list(uvec4 record, vec3 origin, vec3 cell, vec3 inverse, vec3 slack)
+ListWalk begin_list(uvec4 record, vec3 from, vec3 inverse, vec3 slack)
 {
     return ListWalk(record.x, record.x + record.y);
 }

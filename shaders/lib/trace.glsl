@@ -89,7 +89,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         if (occupied) {
             record = texelFetch(cells_tex, list_texel(occupied_cell_index(brick, bit)), 0);
         }
-        ListWalk walk = begin_list(record, origin, vec3(listed), along, slack);
+        ListWalk walk = begin_list(record, origin - vec3(listed), along, slack);
         do {
             next_run(walk, hit.distance);
             while (walk.next < walk.end) {

@@ -178,7 +178,7 @@ ListWalk begin_lines(uvec4 record, vec3 low, vec3 high, vec3 corner, int axis)
     vec3 inverse = 1.0 / max(along, 1e-12);
     vec3 middle = 0.5 * (low + high) - 2.0 * along;  // before all that the cell holds
     vec3 slack = list_slack(middle) + 0.5 * (high - low);
-    return begin_list(record, middle, corner, inverse, slack);
+    return begin_list(record, middle - corner, inverse, slack);
 }
 
 const Outermost NOTHING = Outermost(true, -1e30, NONE_INDEX, 0u);
