@@ -15,7 +15,7 @@ from .passes.bounce import LinkPass, unpack_light
 from .passes.compose import Film, PixelLight
 from .passes.frame import Frame
 from .passes.geometry import Geometry
-from .passes.voxel_numbers import popcount
+from .passes.voxel_numbers import popcount, with_hidden_cells
 from .passes.voxelize import Voxels
 
 #: Exponents that packed light may have (shaders/lib/packed_light.glsl).
@@ -133,7 +133,7 @@ def check_voxels(voxels: Voxels, triangle_count: int) -> None:
     else:
         expect(name, "triangles of cells", listed, listed < triangle_count, f"is no triangle (of {triangle_count})")
     if voxels.lit_faces is not None:
-        _check_faces(voxels, records)
+        _check_faces(voxels, with_hidden_cells(records, 0))
 
 
 def _check_faces(voxels: Voxels, records: np.ndarray) -> None:

@@ -38,10 +38,10 @@ class Edit:
 
     @property
     def cell_boxes(self) -> DoubleArray:
-        """(up to CHANGED_BOXES, 2, 3) cells: whole ones, outside which voxels are what they were, and those beside
-        them, where rays may look these up."""
+        """(up to CHANGED_BOXES, 2, 3) cells: whole ones, outside which voxels are what they were, and those up to two
+        beside them, from where rays may look these up or ask what hides them."""
         boxes = united(self.boxes, CHANGED_BOXES)
-        return np.stack([np.floor(boxes[:, 0]) - 1.0, np.floor(boxes[:, 1]) + 2.0], axis=1)
+        return np.stack([np.floor(boxes[:, 0]) - 2.0, np.floor(boxes[:, 1]) + 3.0], axis=1)
 
 
 def edit_between(old: SceneData, new: SceneData, grid: VoxelGrid) -> Edit | None:

@@ -37,7 +37,6 @@ from .passes.guide import GuidePass
 from .passes.history import LightHistory
 from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass, Repainted, repainted
-from .passes.neighbours import NeighbourPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
 from .passes.surface import RAY_TEXELS, SurfacePass, Surfaces
@@ -112,7 +111,7 @@ class Pipeline:
     """Renders one scene into a film. All GL objects live in ``gpu`` and are freed by ``release``."""
 
     def __init__(self, gpu: GpuContext, *, is_live: bool = False) -> None:
-        """``is_live``: somebody edits the scene. What an edit can take over is kept: 9 bytes for each voxel face."""
+        """``is_live``: somebody edits the scene. What an edit can take over is kept: 8 bytes for each voxel face."""
         self.gpu = gpu
         self._is_live = is_live
         self.film = Film(gpu)
@@ -127,7 +126,6 @@ class Pipeline:
         self._inject = InjectPass(gpu)
         self._links = LinkPass(gpu)
         self._bounce = BouncePass(gpu)
-        self._neighbours = NeighbourPass(gpu)
         self._cones = ConeVolume(gpu)
         self._guides = GuidePass(gpu)
         self._surface = SurfacePass(gpu)
@@ -312,20 +310,21 @@ class Pipeline:
             before = memo.copy()
             glows = self._glowing_bricks(scene) if is_only_repainted else None
             if not is_only_repainted:
-                memo.forget("links", "irradiance", "neighbours")
+                memo.forget("links", "irradiance")
             elif glows is not None:
                 memo.forget("links")
             changed = edit.bricks if edit else None
             if looks is not None and (edit or is_only_repainted):
                 changed = looks | edit.bricks if edit else looks
             for share in self._voxelize.run(
-                geometry, materials, self._materials, has_faces=features.needs_radiance, changed=changed
-            ):
+                geometry, materials, self._materials, has_faces=features.needs_radiance, changed=changed,
+                moved=not is_only_repainted,
+            ):  # fmt: skip
                 yield Progress(0.05 + 0.25 * share, "Voxelizing")
             if settings.debug_checks and self._voxelize.voxels is not None:
                 checks.check_voxels(self._voxelize.voxels, geometry.triangle_count)
             if is_only_repainted and self._voxelize.numbers_before is None:
-                memo.forget("links", "irradiance", "neighbours")  # faces have other numbers
+                memo.forget("links", "irradiance")  # faces have other numbers
                 glows = None
             memo.done("voxels", features.needs_radiance)
             redone["cells"] = self._voxelize.made
@@ -435,8 +434,7 @@ class Pipeline:
         self._links.release()
         self._inject.release()
         self._bounce.release()
-        self._neighbours.release()
-        self._memo.forget("links", "irradiance", "radiance", "neighbours")
+        self._memo.forget("links", "irradiance", "radiance")
 
     def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
         """Light at pixels stays right while all but the camera stays; outputs say which kinds of it are kept."""
@@ -487,13 +485,7 @@ class Pipeline:
             redone["linked_faces"] = self._links.linked
         if not features.needs_links:
             self._links.release()
-            self._neighbours.release()
-            memo.forget("links", "neighbours")
-        elif self._is_live and memo.stale("neighbours"):
-            kept = None if before.stale("neighbours") else changes
-            for _ in self._neighbours.run(voxels, kept):
-                yield Progress(0.8, "Lighting voxels")
-            memo.done("neighbours")
+            memo.forget("links")
         light = (
             settings.seed, settings.use_shadows, settings.light_falloff, settings.bounce_rays,
             self._emitter_version if drawn else 0, self._scene.world if world_drawn and self._scene else None,
@@ -516,7 +508,7 @@ class Pipeline:
                     self._inject.release()
                 memo.done("irradiance", *light)
             passed = self._links if features.needs_links else None
-            for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings, self._neighbours.sharing):
+            for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
             if settings.debug_checks:
                 straight = passed.straight if passed else None
@@ -674,7 +666,6 @@ class Pipeline:
             self._cones,
             self._guides,
             self._bounce,
-            self._neighbours,
             self._inject,
             self._links,
             self._lights,

@@ -32,6 +32,9 @@ BRICK = 4
 FIXED_ONE = 65536
 #: Facings of the two sides of a cell, in the last word of its record; what lies above says where it is cut.
 FACING_MASK = 0xFFF
+#: Where the last two words of a cell's record begin to say which cells are hidden from its faces; below lies the number
+#: of its first face: a texture holds no longer lists.
+HIDDEN_SHIFT = 26
 
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
@@ -85,7 +88,7 @@ TEXTURES = (
     # (or, where instances share them, what lib/triangle.glsl says)
     "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, empty cubes
     "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
-    "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings; then boxes over long lists
+    "TEX_CELLS",  # rgba32ui 2D list: lib/grid.glsl; then boxes over long lists
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
     "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells; rg32ui: where instances share them
     "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them
@@ -109,7 +112,6 @@ TEXTURE_ALIASES = {
     "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones adjacent
     "TEX_FACE_SHADING": "TEX_DIFFUSE",  # r32ui list: shading normal (octahedral), where light is received
     "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
-    "TEX_NEIGHBOURS": "TEX_DIFFUSE",  # r8ui list: lib/neighbour.glsl
     "TEX_REACH": "TEX_FACE_RADIANCE",  # r8ui 3D: 1 for bricks that an edit may have changed shadows in
     "TEX_NUMBERS_BEFORE": "TEX_NORMAL",  # r32ui list: number that each face had; where faces are taken over
     "TEX_NUMBERS_NOW": "TEX_EMISSION",  # r32ui list: number that each face before has
@@ -300,6 +302,8 @@ def prelude() -> str:
         "GUIDE_TEXELS": GUIDE_TEXELS,
         "FIXED_ONE": f"{FIXED_ONE}.0",
         "FACING_MASK": f"0x{FACING_MASK:X}u",
+        "FIRST_FACE_MASK": f"0x{(1 << HIDDEN_SHIFT) - 1:X}u",
+        "HIDDEN_SHIFT": HIDDEN_SHIFT,
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
         "FLAT_COSINE": FLAT_COSINE,
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",

@@ -16,7 +16,6 @@ from ..links import link_count
 from ..settings import Settings
 from .emitters import FACE_SAMPLES, EmitterTable
 from .face_changes import FaceChanges
-from .neighbours import NEIGHBOURS
 from .voxelize import Voxels
 from .world import FACE_SAMPLES as WORLD_SAMPLES
 from .world import WorldLight
@@ -179,16 +178,14 @@ class BouncePass:
         irradiance: moderngl.Texture | None,
         links: LinkPass | None,
         settings: Settings,
-        sharing: moderngl.Texture | None = None,
     ) -> Iterator[float]:
         """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done.
 
         ``irradiance`` None: nothing was injected. ``links`` None: no bounces, only what was injected leaves the faces.
-        ``sharing``: which neighbours share (pass neighbours); None: not known.
         """
         self.release()
         try:
-            yield from self._steps(voxels, irradiance, links, settings, sharing)
+            yield from self._steps(voxels, irradiance, links, settings)
         finally:
             self.gpu.free(*self.radiance[1:])
             del self.radiance[1:]
@@ -199,7 +196,6 @@ class BouncePass:
         irradiance: moderngl.Texture | None,
         links: LinkPass | None,
         settings: Settings,
-        sharing: moderngl.Texture | None,
     ) -> Iterator[float]:
         textures = 2 if links else 1
         self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 2, "u4") for _ in range(textures)]
@@ -222,9 +218,7 @@ class BouncePass:
         if links:
             self._pass(voxels, irradiance, links, first=self.bounces == 0, last=True)  # the last bounce once more
             self.radiance.reverse()
-            share = self._share(voxels, irradiance) if sharing is None else self._share(voxels, irradiance, sharing)
-            for _ in share:
-                yield 1.0
+            self._share(voxels, irradiance)
 
     def _total(self, faces: int) -> float:
         with self.gpu.timed("bounce"):
@@ -278,30 +272,20 @@ class BouncePass:
             kernel.run_list(voxels.faces.count)
             gpu.barrier()  # the next bounce and the gather read what this one wrote
 
-    def _share(
-        self, voxels: Voxels, irradiance: moderngl.Texture | None, sharing: moderngl.Texture | None = None
-    ) -> Iterator[float]:
-        """The second of ``radiance`` holds indirect light; the first gets what faces send. Yields the share done."""
+    def _share(self, voxels: Voxels, irradiance: moderngl.Texture | None) -> None:
+        """The second of ``radiance`` holds indirect light; the first gets what faces send."""
         gpu, slot, count = self.gpu, interface.slot, voxels.faces.count
-        kernel = gpu.kernel(
-            "share_faces",
-            voxels.trace_defines | {"HAS_INJECTED": irradiance is not None, "HAS_NEIGHBOURS": sharing is not None},
-        )
-        step = max(interface.GROUP_SIZE, RAYS_PER_STEP // NEIGHBOURS)
-        for first in range(0, count, step):
-            with gpu.timed("share faces"):
-                voxels.bind(kernel)
-                voxels.faces.bind()
-                if irradiance is not None:
-                    irradiance.use(slot("TEX_FACE_IRRADIANCE"))
-                if sharing is not None:
-                    sharing.use(slot("TEX_NEIGHBOURS"))
-                self.radiance[1].use(slot("TEX_FACE_RADIANCE"))
-                self.radiance[0].bind_to_image(slot("IMG_0"), read=False, write=True)
-                kernel.set(face_first=first, face_count=count)
-                kernel.run_list(min(step, count - first))
-            yield min(1.0, (first + step) / count)
-        gpu.barrier()  # the gather reads it
+        with gpu.timed("share faces"):
+            kernel = gpu.kernel("share_faces", voxels.trace_defines | {"HAS_INJECTED": irradiance is not None})
+            voxels.bind(kernel)
+            voxels.faces.bind()
+            if irradiance is not None:
+                irradiance.use(slot("TEX_FACE_IRRADIANCE"))
+            self.radiance[1].use(slot("TEX_FACE_RADIANCE"))
+            self.radiance[0].bind_to_image(slot("IMG_0"), read=False, write=True)
+            kernel.set(face_count=count)
+            kernel.run_list(count)
+            gpu.barrier()  # the gather reads it
 
     def release(self) -> None:
         """Free everything."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..gpu import interface
 from ..gpu.context import GpuContext
-from .voxel_numbers import face_counts, popcount, runs
+from .voxel_numbers import face_counts, hidden_cells, popcount, runs, with_hidden_cells
 
 if TYPE_CHECKING:
     from .voxelize import Faces, Lists, Voxels
@@ -26,12 +26,18 @@ class TakenOver:
         """``changed``: (z, y, x) bool, bricks that are made again."""
         self.voxels = voxels
         self.changed = changed.ravel()
+        padded = np.pad(changed, 1)
+        for axis in range(3):
+            padded = padded | np.roll(padded, 1, axis) | np.roll(padded, -1, axis)
+        self._grown = padded[1:-1, 1:-1, 1:-1].ravel()
         self.texture: moderngl.Texture3D | None = None  # r8ui: ``changed``
         self._bricks = np.frombuffer(voxels.bricks.read(), np.uint32).reshape(-1, 4)
-        self.records = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
+        records = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
+        self.records, self.hidden = with_hidden_cells(records, 0), hidden_cells(records)
         self._masks = np.ascontiguousarray(self._bricks[:, :2]).view(np.uint64).ravel()
         self._stayed = np.repeat(~self.changed, popcount(self._masks))  # of the cells before
         self.stays = np.zeros(0, bool)  # of the cells now
+        self.is_beside = np.zeros(0, bool)  # of the cells now: they may see what has changed, or have changed
         places = np.argwhere(changed)[:, ::-1] * interface.BRICK
         none = np.zeros(3, np.int64)
         #: A box around all that is made again, cells.
@@ -54,6 +60,7 @@ class TakenOver:
         ``occupied``: (B,) bool, ``counts``: (B,) cells of bricks.
         """
         self.stays = np.repeat(~self.changed, counts)
+        self.is_beside = np.repeat(self._grown, counts)
         return self._bricks[:, 3] if np.array_equal(occupied, self._masks != 0) else None
 
     def completed(self, values: np.ndarray, before: np.ndarray) -> np.ndarray:

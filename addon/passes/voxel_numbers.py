@@ -71,6 +71,21 @@ def cell_records(counts: np.ndarray) -> np.ndarray:
     return records
 
 
+def hidden_cells(records: np.ndarray) -> np.ndarray:
+    """What ``records`` (N, 4) uint32 say of the cells beside: (N,) uint32, six bits of each side."""
+    near, far = records[:, 2] >> interface.HIDDEN_SHIFT, records[:, 3] >> interface.HIDDEN_SHIFT
+    return near | far << 6
+
+
+def with_hidden_cells(records: np.ndarray, hidden: np.ndarray | int) -> np.ndarray:
+    """``records`` (N, 4) uint32 that say ``hidden`` of the cells beside, as ``hidden_cells`` gives it."""
+    result = records.copy()
+    result[:, 2:] &= (1 << interface.HIDDEN_SHIFT) - 1
+    result[:, 2] |= np.uint32(hidden & 63) << np.uint32(interface.HIDDEN_SHIFT)
+    result[:, 3] |= np.uint32(hidden >> 6) << np.uint32(interface.HIDDEN_SHIFT)
+    return result
+
+
 def face_counts(facings: np.ndarray) -> np.ndarray:
     """Faces of cells. ``facings``: (N,) uint32, last words of their records."""
     return _POPCOUNT[facings & interface.FACING_MASK]

@@ -26,8 +26,18 @@ from ..scene import RayVisibility
 from .geometry import Geometry
 from .long_lists import LongLists, are_boxed, box_room
 from .materials import Batch, MaterialPass, MaterialSet
+from .neighbours import find_hidden
 from .taken_over import TakenOver
-from .voxel_numbers import cell_axes, cell_positions, cell_records, empty_octants, face_counts, number_faces, popcount
+from .voxel_numbers import (
+    cell_axes,
+    cell_positions,
+    cell_records,
+    empty_octants,
+    face_counts,
+    number_faces,
+    popcount,
+    with_hidden_cells,
+)
 
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
 ITEMS_PER_STEP = 1 << 17
@@ -151,11 +161,13 @@ class VoxelizePass:
         *,
         has_faces: bool,
         changed: np.ndarray | None = None,
+        moved: bool = True,
     ) -> Iterator[float]:
         """Voxelize. Yields the share done; ``voxels`` is set at the end. ``has_faces``: surfaces get light.
 
         ``changed``: (z, y, x) bool, the bricks in which surfaces are not those that ``voxels`` were made of: they are
-        made again, and the rest is taken over, which gives the same as making all; None: all.
+        made again, and the rest is taken over, which gives the same as making all; None: all. ``moved``: they do not
+        only look different there.
         """
         self.numbers_before = None
         if changed is None or not self._can_take_over(geometry, materials, has_faces):
@@ -164,7 +176,7 @@ class VoxelizePass:
         before = self._owned
         self._owned = []
         try:
-            yield from self._steps(geometry, materials, material_pass, has_faces, changed)
+            yield from self._steps(geometry, materials, material_pass, has_faces, changed, moved)
             self.gpu.free(*before)
             before = []
         finally:
@@ -216,6 +228,7 @@ class VoxelizePass:
         material_pass: MaterialPass,
         has_faces: bool,
         changed: np.ndarray | None,
+        moved: bool,
     ) -> Iterator[float]:
         gpu, slot, grid = self.gpu, interface.slot, geometry.grid
         with gpu.timed("voxelize"):
@@ -288,7 +301,7 @@ class VoxelizePass:
             if has_faces:
                 self._cut_cells(geometry, lists, places, taken)
                 faces = self._resolve(geometry, lists, places, taken)
-        self.voxels = Voxels(
+        voxels = Voxels(
             grid,
             bricks,
             lists.cells,
@@ -300,6 +313,9 @@ class VoxelizePass:
             pair_count=int(counts.sum()),
             has_boxes=lists.has_boxes,
         )
+        if has_faces:
+            yield from self._hide_cells(voxels, lists, places, taken, moved)
+        self.voxels = voxels
         self.made = len(counts) if taken is None else int((~taken.stays).sum())
         yield 1.0
 
@@ -561,6 +577,21 @@ class VoxelizePass:
             run(items[cells == cell], crowd=number)
         gpu.barrier()  # injection and links read the faces
         return faces
+
+    def _hide_cells(
+        self, voxels: Voxels, lists: Lists, positions: moderngl.Texture, taken: TakenOver | None, moved: bool
+    ) -> Iterator[float]:
+        """Complete the records."""
+        if taken and not moved:
+            self.gpu.write_list(lists.cells, with_hidden_cells(lists.records, taken.hidden))
+            return
+        facings = lists.records[:, 3]
+        pairs, _ = cell_axes(np.where(taken.is_beside, facings, np.uint32(0)) if taken else facings)
+        hidden = yield from find_hidden(self.gpu, voxels, positions, pairs)
+        if taken:
+            before = taken.completed(hidden, taken.hidden)
+            hidden = np.where(taken.is_beside, hidden, before)
+        self.gpu.write_list(lists.cells, with_hidden_cells(lists.records, hidden))
 
     def release(self) -> None:
         """Free everything."""

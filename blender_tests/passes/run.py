@@ -16,7 +16,7 @@ from addon.grid import VoxelGrid
 from addon.passes.bounce import unpack_light
 from addon.passes.geometry import Geometry, GeometryPass
 from addon.passes.materials import MaterialPass
-from addon.passes.voxel_numbers import cell_positions
+from addon.passes.voxel_numbers import cell_positions, with_hidden_cells
 from addon.passes.voxelize import VoxelizePass, Voxels
 from addon.pipeline import Pipeline
 from addon.scene import SceneData
@@ -128,7 +128,8 @@ def read_voxels(voxels: Voxels, geometry: Geometry) -> VoxelData:
     masks = np.ascontiguousarray(words[:, :2]).view(np.uint64).ravel()
     packed = cell_positions(masks, voxels.grid.bricks)
     cells = np.stack([packed & 2047, packed >> 11 & 2047, packed >> 22], axis=1).astype(np.int64)
-    records = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count].astype(np.int64)
+    stored = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
+    records = with_hidden_cells(stored, 0).astype(np.int64)
     triangles = np.frombuffer(voxels.cell_triangles.read(), np.uint32)[: voxels.pair_count].astype(np.int64)
     return VoxelData(voxels, geometry, masks, cells, records, read_faces(voxels, records), triangles)
 

@@ -13,8 +13,10 @@ from addon.passes.voxel_numbers import (
     cell_records,
     empty_octants,
     guide_entries,
+    hidden_cells,
     number_faces,
     popcount,
+    with_hidden_cells,
 )
 
 
@@ -119,3 +121,13 @@ def test_guides_of_bricks() -> None:
 def test_no_guides() -> None:
     entries, work = guide_entries(np.zeros((2, 4), np.uint32), np.zeros((0, 4), np.uint32))
     assert not entries.any() and len(work) == 0
+
+
+def test_hidden_cells_share_words_of_records() -> None:
+    records = np.array([[7, 3, 5, 0xABC | 0x3FFFFF & ~0xFFF], [9, 1, (1 << 26) - 1, 0x3FFFFFF]], np.uint32)
+    hidden = np.array([0b101010_010101, 0xFFF], np.uint32)
+    told = with_hidden_cells(records, hidden)
+    np.testing.assert_array_equal(hidden_cells(told), hidden)
+    np.testing.assert_array_equal(told[:, :2], records[:, :2])
+    np.testing.assert_array_equal(told[:, 2:] & 0x3FFFFFF, records[:, 2:])
+    np.testing.assert_array_equal(with_hidden_cells(told, 0), records)

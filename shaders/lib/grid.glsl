@@ -59,14 +59,29 @@ vec3 facing_vector(uint facing)
 
 // Cells have a record (rgba32ui): first triangle, triangle count, first face, and what faces there are: a bit for each
 // facing, and six more for those beyond the plane that cuts the cell, if one does; axis + 1 of the cut << 12, where it is
-// << 14, in 1 / CUT_UNITS of the cell's side.
+// << 14, in 1 / CUT_UNITS of the cell's side. From HIDDEN_SHIFT on the last two words say, for faces before the plane and
+// for those beyond it, which of the cells beside are hidden from them: a bit for each, by the facing that looks there.
 
 const float CUT_UNITS = 255.0;
 
 // Index of a cell's face, given the number of its bit: faces of a cell follow each other in the order of their bits.
 uint face_index(uvec4 record, uint bit)
 {
-    return record.z + bitCount(record.w & ((1u << bit) - 1u));
+    return (record.z & FIRST_FACE_MASK) + bitCount(record.w & ((1u << bit) - 1u));
+}
+
+// What is hidden from the faces on the side of the cell that `bit` is on.
+uint hidden_cells(uvec4 record, uint bit)
+{
+    return (bit < 6u ? record.z : record.w) >> HIDDEN_SHIFT;
+}
+
+// Bits of the cells beside along the axes on which a cell lies `apart`.
+uint bits_towards(ivec3 apart)
+{
+    uvec3 up = uvec3(greaterThan(apart, ivec3(0))), down = uvec3(lessThan(apart, ivec3(0)));
+    uvec3 bits = uvec3(1u, 4u, 16u) * (up | down << 1);
+    return bits.x | bits.y | bits.z;
 }
 
 // Axis that the cut is perpendicular to; -1: the cell is not cut.

@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// Faces side by side on one surface, which share the light that links have brought to them.
+// Faces side by side on one surface.
 
 #include "lib/radiance.glsl"
 #include "lib/face.glsl"
-
-const float ALIKE = 0.95;       // cosine between normals of faces that share
-const float OFF_PLANE = 0.25;   // how far off the tangent plane the other's place may lie, against how far away it is
 
 struct Surroundings {
     vec3 position;  // of a face
@@ -30,31 +27,16 @@ Surroundings surroundings(uint face)
     return around;
 }
 
-// Steps to the neighbours, k in 0..7.
+// Steps to the neighbours, k in 0..7: those along one axis first.
 ivec2 neighbour_step(int k)
 {
-    int bin = k < 4 ? k : k + 1;
-    return ivec2(bin % 3, bin / 3) - 1;
+    ivec2 along = ivec2(k < 2 ? 1 - 2 * k : 0, k < 2 ? 0 : 5 - 2 * k);
+    return k < 4 ? along : ivec2(1 - 2 * (k & 1), 1 - (k & 2));
 }
 
-// The face whose surface is one cell further; NONE_INDEX: there is none.
-uint face_beside(Surroundings around, int k)
+// The face whose surface is one cell further.
+FoundFace face_beside(Surroundings around, ivec2 step)
 {
-    vec2 at = vec2(neighbour_step(k));
-    ivec3 cell = ivec3(floor(around.position + (at.x * around.right + at.y * around.up)));
-    uint index = cell_index(cell);
-    return index == NONE_INDEX ? NONE_INDEX : find_face(index, cell, around.normal, around.position, false);
-}
-
-// Whether a face beside is alike and seen.
-bool shares_light(Surroundings around, uint face, uint seed)
-{
-    vec3 there;
-    vec3 normal_there;
-    fetch_face_place(face, there, normal_there);
-    vec3 from = around.position + around.normal * RAY_START;
-    vec3 apart = there + normal_there * RAY_START - from;
-    float distance = max(length(apart), 1e-6);
-    bool alike = dot(around.normal, normal_there) > ALIKE && abs(dot(apart, around.normal)) < OFF_PLANE * distance;
-    return alike && !is_blocked(from, apart / distance, distance, seed);
+    vec3 place = around.position + (float(step.x) * around.right + float(step.y) * around.up);
+    return find_face(ivec3(floor(place)), around.normal, around.position, false);
 }

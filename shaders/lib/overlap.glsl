@@ -2,15 +2,10 @@
 // Exact overlap of triangles and cells: every cell that a triangle's surface enters, with the area of the part inside
 // it and the centre of that part. No cell is missed however the triangle lies, and parts add up to the whole.
 //
-// The triangle is projected along its dominant axis. The part inside a cell is the triangle cut to a strip of depth
-// (three clipped edges and two caps), then to a unit square: its area is the sum over the outline's segments of
-//     integral of clamp(y, 0, 1) dx  for x in [0, 1],
-// with first moments likewise. Clamps are continuous, so nothing can be lost at grazing angles, there are no vertex
-// lists, and neighbouring cells use the same numbers for the line they share.
-//
 // The including shader defines
 //     void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal);
 
+#include "lib/clipped.glsl"
 #include "lib/triangle.glsl"
 #include "lib/grid.glsl"
 
@@ -18,24 +13,6 @@
 const int COLUMNS_PER_ITEM = 8;
 
 void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal);
-
-// Turn the axes so that `axis` becomes z, and back.
-vec3 turn(vec3 v, int axis)
-{
-    return axis == 0 ? v.yzx : (axis == 1 ? v.zxy : v);
-}
-ivec3 turn(ivec3 v, int axis)
-{
-    return axis == 0 ? v.yzx : (axis == 1 ? v.zxy : v);
-}
-vec3 turn_back(vec3 v, int axis)
-{
-    return axis == 0 ? v.zxy : (axis == 1 ? v.yzx : v);
-}
-ivec3 turn_back(ivec3 v, int axis)
-{
-    return axis == 0 ? v.zxy : (axis == 1 ? v.yzx : v);
-}
 
 // Columns that the triangle's bounds cover: first (xy) and count (zw) in turned axes; count 0 when outside the grid.
 ivec4 column_range(Triangle t, int axis)
@@ -72,81 +49,6 @@ uint expected_cells(Triangle t)
     uvec3 place = floatBitsToUint(t.corner);
     float random = unit_float(hash(place.x, hash(place.y, place.z)));
     return uint(min(1.0 + dot(extent + areas, vec3(1.0)), 1e9) + random);
-}
-
-// Add segment a-b of an outline to (area, moment in x, moment in y).
-void add_segment(inout vec3 sums, vec2 a, vec2 b)
-{
-    float x0 = clamp(a.x, 0.0, 1.0);
-    float x1 = clamp(b.x, 0.0, 1.0);
-    if (x0 == x1) {
-        return;
-    }
-    vec2 d = b - a;
-    float y0 = a.y + (x0 - a.x) / d.x * d.y;
-    float y1 = a.y + (x1 - a.x) / d.x * d.y;
-    float c0 = clamp(y0, 0.0, 1.0);
-    float c1 = clamp(y1, 0.0, 1.0);
-    float inverse = y1 == y0 ? 0.0 : 1.0 / (y1 - y0);
-    float xm = mix(x0, x1, clamp((c0 - y0) * inverse, 0.0, 1.0));  // constant c0 up to here
-    float xn = mix(x0, x1, clamp((c1 - y0) * inverse, 0.0, 1.0));  // constant c1 from here
-    float before = xm - x0;
-    float between = xn - xm;
-    float after = x1 - xn;
-    sums.x += c0 * before + 0.5 * (c0 + c1) * between + c1 * after;
-    sums.y += 0.5 * c0 * before * (xm + x0) + between * (xm * (2.0 * c0 + c1) + xn * (c0 + 2.0 * c1)) / 6.0 +
-              0.5 * c1 * after * (x1 + xn);
-    sums.z += 0.5 * (c0 * c0 * before + c1 * c1 * after) + between * (c0 * c0 + c0 * c1 + c1 * c1) / 6.0;
-}
-
-// Cut edge a-b to 0 <= z < 1, add what is left, and note where it crosses the two planes: points where the outline
-// enters and leaves the strip are joined by the caps.
-void add_edge(inout vec3 sums, vec3 a, vec3 b, inout vec2 low_out, inout vec2 low_in, inout bool low,
-              inout vec2 high_out, inout vec2 high_in, inout bool high)
-{
-    bool a_below = a.z < 0.0, b_below = b.z < 0.0;
-    bool a_above = a.z >= 1.0, b_above = b.z >= 1.0;
-    vec2 start = a.xy, end = b.xy;
-    if (a_below != b_below) {
-        vec2 at = mix(a.xy, b.xy, clamp(a.z / (a.z - b.z), 0.0, 1.0));
-        low = true;
-        if (a_below) {
-            start = low_in = at;
-        } else {
-            end = low_out = at;
-        }
-    }
-    if (a_above != b_above) {
-        vec2 at = mix(a.xy, b.xy, clamp((a.z - 1.0) / (a.z - b.z), 0.0, 1.0));
-        high = true;
-        if (a_above) {
-            start = high_in = at;
-        } else {
-            end = high_out = at;
-        }
-    }
-    if (!(a_below && b_below) && !(a_above && b_above)) {
-        add_segment(sums, start, end);
-    }
-}
-
-// (area, moments) of the part of triangle a b c inside the unit cube, projected along z; the sign of the area is the
-// triangle's orientation.
-vec3 overlap(vec3 a, vec3 b, vec3 c)
-{
-    vec3 sums = vec3(0.0);
-    vec2 low_out = vec2(0.0), low_in = vec2(0.0), high_out = vec2(0.0), high_in = vec2(0.0);
-    bool low = false, high = false;
-    add_edge(sums, a, b, low_out, low_in, low, high_out, high_in, high);
-    add_edge(sums, b, c, low_out, low_in, low, high_out, high_in, high);
-    add_edge(sums, c, a, low_out, low_in, low, high_out, high_in, high);
-    if (low) {
-        add_segment(sums, low_out, low_in);
-    }
-    if (high) {
-        add_segment(sums, high_out, high_in);
-    }
-    return sums;
 }
 
 // Whether an edge of the triangle, seen along an axis, has the unit square on its outer side.

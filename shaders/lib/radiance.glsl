@@ -6,35 +6,50 @@
 
 layout(binding = TEX_FACE_RADIANCE) uniform usampler2D face_radiance_tex;
 
-// A face of occupied cell `index` for a surface with normal n: the one that looks most along n; NONE_INDEX when none
-// does within 60 degrees. (A normal is within 55 degrees of the axis it is nearest to.) In a cell that is cut, one on
-// the side where `position` is, which may lie outside the cell; one on the other side only if `any_side`.
-uint find_face(uint index, ivec3 cell, vec3 n, vec3 position, bool any_side)
+struct FoundFace {
+    ivec3 cell;
+    uvec4 record;  // of the cell; 0 where nothing is
+    uint bit;      // NONE_INDEX: there is no such face
+};
+
+// The face of a cell for a surface with normal n: the one that looks most along n; none when none does within 60
+// degrees. (A normal is within 55 degrees of the axis it is nearest to.) In a cell that is cut, one on the side where
+// `position` is, which may lie outside the cell; one on the other side only if `any_side`.
+FoundFace find_face(ivec3 cell, vec3 n, vec3 position, bool any_side)
 {
-    uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
+    uint index = cell_index(cell);
+    uvec4 record = texelFetch(cells_tex, list_texel(index == NONE_INDEX ? 0u : index), 0);
+    record = index == NONE_INDEX ? uvec4(0u) : record;
+    uint facings = record.w | record.w >> 6;
     uint facing = NONE_INDEX;
     float best = 0.5;
-    uint facings = record.w | record.w >> 6;
     for (uint other = 0u; other < 6u; ++other) {
         float along = dot(facing_vector(other), n);
         bool better = (facings >> other & 1u) != 0u && along > best;
         facing = better ? other : facing;
         best = better ? along : best;
     }
-    if (facing == NONE_INDEX) {
-        return NONE_INDEX;
-    }
     int axis = cut_axis(record);
     vec3 inside = position - vec3(cell);
     float along = axis == 0 ? inside.x : (axis == 1 ? inside.y : inside.z);
-    uint bit = axis >= 0 && along > cut_place(record) ? facing + 6u : facing;
-    if ((record.w >> bit & 1u) == 0u) {
-        if (!any_side) {
-            return NONE_INDEX;
-        }
-        bit = bit < 6u ? bit + 6u : bit - 6u;
+    uint beyond = axis >= 0 && along > cut_place(record) ? 6u : 0u;
+    uint bit = facing + beyond;
+    if (facing != NONE_INDEX && (record.w >> bit & 1u) == 0u) {
+        bit = any_side ? facing + 6u - beyond : NONE_INDEX;
     }
-    return face_index(record, bit);
+    return FoundFace(cell, record, facing == NONE_INDEX ? NONE_INDEX : bit);
+}
+
+uint face_number(FoundFace found)
+{
+    return found.bit == NONE_INDEX ? NONE_INDEX : face_index(found.record, found.bit);
+}
+
+// Whether something stands between faces of two cells that are the same or beside each other.
+bool is_hidden(FoundFace a, FoundFace b)
+{
+    ivec3 apart = b.cell - a.cell;
+    return ((hidden_cells(a.record, a.bit) & bits_towards(apart)) | (hidden_cells(b.record, b.bit) & bits_towards(-apart))) != 0u;
 }
 
 // The voxel face that stands for the surface at a hit. Looking it up at a point moved by up to half a cell along the
@@ -45,19 +60,11 @@ uint face_at_hit(vec3 position, Hit hit, uint seed)
     vec3 random = unit_vec3(seed);
     vec3 shift = random - 0.5;
     vec3 moved = position + shift - hit.normal * dot(shift, hit.normal);
-    ivec3 cell = ivec3(floor(moved));
-    uint index = cell_index(cell);
-    uint face = index == NONE_INDEX ? NONE_INDEX : find_face(index, cell, hit.normal, position, false);
-    if (face == NONE_INDEX) {
-        cell = ivec3(floor(position));
-        index = cell_index(cell);
-        if (index == NONE_INDEX) {
-            cell = hit.cell;
-            index = cell_index(cell);
-        }
-        face = index == NONE_INDEX ? NONE_INDEX : find_face(index, cell, hit.normal, position, true);
-    }
-    return face;
+    FoundFace beside = find_face(ivec3(floor(moved)), hit.normal, position, false);
+    ivec3 cell = ivec3(floor(position));
+    FoundFace own = find_face(cell_index(cell) == NONE_INDEX ? hit.cell : cell, hit.normal, position, true);
+    bool is_seen = beside.bit != NONE_INDEX && (own.bit == NONE_INDEX || !is_hidden(own, beside));
+    return face_number(is_seen ? beside : own);
 }
 
 vec3 face_radiance(uint face)

@@ -61,8 +61,9 @@ void main()
 #if FIRST
         uint index = cell_index(child);
         uvec4 record = index == NONE_INDEX ? uvec4(0u) : texelFetch(cells_tex, list_texel(index), 0);
-        uint end = record.z + bitCount(record.w & FACING_MASK);
-        for (uint face = record.z; face < end; ++face) {
+        uint first = record.z & FIRST_FACE_MASK;
+        uint end = first + bitCount(record.w & FACING_MASK);
+        for (uint face = first; face < end; ++face) {
             vec3 place, normal;
             fetch_face_place(face, place, normal);
             float area = fetch_face_reflectance(face).a;

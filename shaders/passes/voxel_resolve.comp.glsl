@@ -6,6 +6,7 @@
 // Output: place_img, reflectance_img and, where there are some, shading_img of the faces.
 
 #include "lib/cell_list.glsl"
+#include "lib/clipped.glsl"
 #include "lib/face.glsl"
 #include "lib/face_work.glsl"
 #include "lib/part.glsl"
@@ -125,6 +126,7 @@ vec3 shading_normal(Face face, uint index)
 
 void move_to(inout Face face, vec3 start, Outermost outermost, bool is_shared)
 {
+    face.reflectance.rgb *= outermost.triangle == NONE_INDEX ? 0.0 : 1.0;  // so little that it was rounded away
     if (outermost.triangle != NONE_INDEX) {
         Triangle t = fetch_triangle(outermost.triangle);
         vec3 n = normalize(cross(t.edge_1, t.edge_2));
@@ -182,8 +184,13 @@ ListWalk begin_lines(uvec4 record, vec3 low, vec3 high, vec3 corner, int axis)
 }
 
 const Outermost NOTHING = Outermost(true, -1e30, NONE_INDEX, 0u);
-// Lines tried in cells where both sides have faces along them.
+// Lines tried in cells where both sides have faces along them; none for a wall that a cell is cut along: other surfaces
+// stand on it and hide a part, hardly ever its middle.
 const uint SHARED_LINES = 2u;
+// Share of a box's side: less is rounding.
+const float LEAST_PART = 1e-6;
+// Triangles of a list that are clipped one after the other.
+const uint MOST_CLIPPED = 1024u;
 
 // A face stands for a point where a line along its axis meets its outermost surface: the mean of curved or layered
 // surfaces lies inside them. Lines of neighbouring blocks of cells are spread evenly, so that edges of shadows are where
@@ -196,7 +203,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
     vec3 column_high = mix(high, corner + 1.0, abs(direction));
     Outermost above = NOTHING, below = NOTHING;
     vec3 plus_start = vec3(0.0), minus_start = vec3(0.0);
-    uint lines = is_shared ? SHARED_LINES : 1u;
+    uint lines = is_shared ? SHARED_LINES : (cut_axis(record) == axis ? 0u : 1u);
     for (uint line = 0u; line < lines; ++line) {
         vec3 start = point_of_box(uvec3(corner) / line_block, line, low, high);
         Outermost top = NOTHING, bottom = NOTHING;
@@ -225,30 +232,52 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
             minus_start = start;
         }
     }
-    // Where the lines miss, one through the mean; on a side, which has no mean of its own, another line.
-    bool misses_plus = above.triangle == NONE_INDEX, misses_minus = below.triangle == NONE_INDEX;
+    // Where the lines miss, one through the middle of what is largest there, or else in the cell; in long lists, which
+    // would take long, through the mean, or on a side, which has no mean of its own, another.
     vec3 another = point_of_box(uvec3(corner) / line_block, SHARED_LINES, low, high);
-    plus_start = !misses_plus ? plus_start : (is_shared ? another : plus.position);
-    minus_start = !misses_minus ? minus_start : (is_shared ? another : minus.position);
-    // One walk for all lines between the two.
-    record.y = misses_plus || misses_minus ? record.y : 0u;
-    vec3 one = misses_plus ? plus_start : minus_start, other = misses_minus ? minus_start : plus_start;
-    ListWalk walk = begin_lines(record, min(one, other), max(one, other), corner, axis);
-    do {
-        next_run(walk, 1e30);
-        for (; walk.next < walk.end; ++walk.next) {
-            uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
+    for (int look = 0; look < 2; ++look) {
+        bool misses_plus = above.triangle == NONE_INDEX, misses_minus = below.triangle == NONE_INDEX;
+        uvec4 walked = record;
+        walked.y = misses_plus || misses_minus ? record.y : 0u;
+        vec3 box_low = look == 0 ? low : corner;
+        vec3 size = max((look == 0 ? high : corner + 1.0) - box_low, 1e-6);
+        Outermost largest_plus = NOTHING, largest_minus = NOTHING;
+        bool has_mean = !is_shared || record.y <= MOST_CLIPPED;
+        plus_start = !misses_plus ? plus_start : (has_mean ? plus.position : another);
+        minus_start = !misses_minus ? minus_start : (has_mean ? minus.position : another);
+        for (uint k = record.x; k < record.x + (walked.y <= MOST_CLIPPED ? walked.y : 0u); ++k) {
+            uvec2 entry = texelFetch(cell_triangles_tex, list_texel(k), 0).rg;
             uint index = triangle_number(entry);
             Triangle t = fetch_listed(entry);
             vec3 n = cross(t.edge_1, t.edge_2);
-            bool is_ours = dominant_axis(n) == axis;
-            float distance;
-            bool met = is_ours && misses_plus && meets(plus_start, direction, t, low, high, distance);
-            consider(above, met, n[axis] < 0.0, distance, index, walk.next);
-            met = is_ours && misses_minus && meets(minus_start, direction, t, low, high, distance);
-            consider(below, met, n[axis] > 0.0, -distance, index, walk.next);
+            vec3 a = turn((t.corner - box_low) / size, axis);
+            vec3 sums = overlap(a, a + turn(t.edge_1 / size, axis), a + turn(t.edge_2 / size, axis));
+            vec3 middle = box_low + size * turn_back(vec3(clamp(sums.yz / sums.x, 0.0, 1.0), 0.0), axis);
+            bool is_there = dominant_axis(n) == axis && abs(sums.x) > LEAST_PART;
+            consider(largest_plus, is_there, n[axis] < 0.0, abs(sums.x), index, k);
+            consider(largest_minus, is_there, n[axis] > 0.0, abs(sums.x), index, k);
+            plus_start = misses_plus && largest_plus.triangle == index ? middle : plus_start;
+            minus_start = misses_minus && largest_minus.triangle == index ? middle : minus_start;
         }
-    } while (has_runs(walk));
+        // One walk for all lines between the two.
+        vec3 one = misses_plus ? plus_start : minus_start, other = misses_minus ? minus_start : plus_start;
+        ListWalk walk = begin_lines(walked, min(one, other), max(one, other), corner, axis);
+        do {
+            next_run(walk, 1e30);
+            for (; walk.next < walk.end; ++walk.next) {
+                uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
+                uint index = triangle_number(entry);
+                Triangle t = fetch_listed(entry);
+                vec3 n = cross(t.edge_1, t.edge_2);
+                bool is_ours = dominant_axis(n) == axis;
+                float distance;
+                bool met = is_ours && misses_plus && meets(plus_start, direction, t, box_low, box_low + size, distance);
+                consider(above, met, n[axis] < 0.0, distance, index, walk.next);
+                met = is_ours && misses_minus && meets(minus_start, direction, t, box_low, box_low + size, distance);
+                consider(below, met, n[axis] > 0.0, -distance, index, walk.next);
+            }
+        } while (has_runs(walk));
+    }
     move_to(plus, plus_start, above, is_shared);
     move_to(minus, minus_start, below, is_shared);
 }
@@ -276,12 +305,12 @@ void main()
     vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r));
     vec3 low = corner, high = corner + 1.0;
     int cut = cut_axis(record);
-    if (cut >= 0) {
+    bool is_shared = (record.w >> (6u * (1u - side) + 2u * axis) & 1u) != 0u;
+    if (cut >= 0 && (is_shared || cut != int(axis))) {  // a wall may lie aslant to the plane that is to be it
         float place = corner[cut] + cut_place(record);
         low[cut] = side == 1u ? place : low[cut];
         high[cut] = side == 0u ? place : high[cut];
     }
-    bool is_shared = (record.w >> (6u * (1u - side) + 2u * axis) & 1u) != 0u;
     FacingSums plus = NO_SUMS, minus = NO_SUMS;
     if (is_shared && cut != int(axis)) {  // not inside the wall that the cell is cut along
         sum_parts(record, uint(max(cut, 0)), plus, minus);
