@@ -120,7 +120,11 @@ def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
     """Decides how many cells are occupied, and how long their lists are."""
     area, perimeter, triangles = 0.0, 0.0, 0
     for mesh, matrices in _instances_by_mesh(scene):
-        scales = np.abs(np.linalg.det(matrices[:, :3, :3])) ** (1.0 / 3.0)
+        axes = matrices[:, :3, :3]
+        volumes = np.abs(np.linalg.det(axes))
+        # A scale of 0 leaves no volume: what is turned all ways keeps half of its surface in the plane.
+        sides = np.linalg.norm(np.cross(axes[:, [1, 2, 0]], axes[:, [2, 0, 1]]), axis=(1, 2))
+        scales = np.where(volumes > 1e-6 * sides**1.5, volumes ** (1.0 / 3.0), np.sqrt(0.5 * sides))
         area += mesh.area_and_perimeter[0] * float(np.square(scales).sum())
         perimeter += mesh.area_and_perimeter[1] * float(scales.sum())
         triangles += len(mesh.triangle_vertices) * len(matrices)
