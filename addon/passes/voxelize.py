@@ -26,7 +26,7 @@ from ..scene import RayVisibility
 from .geometry import Geometry
 from .materials import Batch, MaterialPass, MaterialSet
 from .taken_over import TakenOver
-from .voxel_numbers import cell_axes, cell_positions, cell_records, empty_octants, number_faces, popcount
+from .voxel_numbers import cell_axes, cell_positions, cell_records, empty_octants, level_octants, number_faces, popcount
 
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
 ITEMS_PER_STEP = 1 << 17
@@ -84,7 +84,8 @@ class Voxels:
 
     @property
     def trace_defines(self) -> dict[str, object]:
-        return {"HAS_OPACITY": self.cell_opacities is not None, "HAS_INSTANCES": self.cell_triangles.components == 2}
+        defines = {"HAS_OPACITY": self.cell_opacities is not None, "HAS_INSTANCES": self.cell_triangles.components == 2}
+        return defines | self.grid.defines
 
     @property
     def site_defines(self) -> dict[str, object]:
@@ -100,7 +101,7 @@ class Voxels:
         self.cell_triangles.use(slot("TEX_CELL_TRIANGLES"))
         if self.cell_opacities is not None:
             self.cell_opacities.use(slot("TEX_CELL_OPACITIES"))
-        kernel.set(grid_size=self.grid.size)
+        kernel.set(**self.grid.uniforms)
 
 
 @dataclass
@@ -204,7 +205,7 @@ class VoxelizePass:
             gpu.free(mask, work)
             cursors = gpu.buffer("voxel counts", size=4 * len(positions))
             self._temporary.append(cursors)
-            kernel = gpu.kernel("voxel_count").set(grid_size=grid.size, pair_count=starts[-1])
+            kernel = gpu.kernel("voxel_count", grid.defines).set(**grid.uniforms, pair_count=starts[-1])
             bricks.use(slot("TEX_BRICKS"))
             pairs.use(slot("TEX_PAIRS"))
             cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
@@ -229,7 +230,7 @@ class VoxelizePass:
                     bricks.use(slot("TEX_BRICKS"))
                     pairs.use(slot("TEX_PAIRS"))
                     self._bind_lists(lists)
-                    kernel.set(grid_size=grid.size, pair_first=first, pair_count=count)
+                    kernel.set(**grid.uniforms, pair_first=first, pair_count=count)
                     kernel.run_list(count)
                     if batch is not None:
                         material_pass.unbind(batch)
@@ -279,7 +280,7 @@ class VoxelizePass:
         def run(count: bool) -> None:
             kernel = gpu.kernel("work", geometry.defines | {"COUNT": count, "IS_PART": taken is not None})
             kernel.set(
-                grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=int(RayVisibility.ALL),
+                **geometry.grid.uniforms, triangle_count=geometry.triangle_count, ray_mask=int(RayVisibility.ALL),
                 batch_count=batches,
             )  # fmt: skip
             if taken:
@@ -325,7 +326,7 @@ class VoxelizePass:
                 count = min(ITEMS_PER_STEP, item_starts[batch + 1] - first)
                 with gpu.timed("voxelize"):
                     kernel = gpu.kernel("voxel_pairs", geometry.defines | {"IS_PART": taken is not None})
-                    kernel.set(grid_size=geometry.grid.size, work_first=first, work_count=count)
+                    kernel.set(**geometry.grid.uniforms, work_first=first, work_count=count)
                     kernel.set(batch=batch, pair_capacity=capacity)
                     if taken:
                         taken.bind()
@@ -351,10 +352,13 @@ class VoxelizePass:
         texels[:, :2] = masks.view(np.uint32).reshape(-1, 2)
         texels[:, 2] = np.cumsum(counts) - counts
         leaps = taken.leaps(masks != 0, counts) if taken else None
-        texels[:, 3] = empty_octants((masks != 0).reshape(shape)).ravel() if leaps is None else leaps
+        if leaps is None:
+            occupied = (masks != 0).reshape(shape)
+            leaps = (level_octants(occupied, grid.levels) if grid.levels else empty_octants(occupied)).ravel()
+        texels[:, 3] = leaps
         bricks = self.gpu.texture_3d("bricks", grid.bricks, 4, "u4", texels)
         self._owned.append(bricks)
-        return bricks, cell_positions(masks, grid.bricks)
+        return bricks, cell_positions(masks, grid.bricks, grid.position_bits)
 
     def _allocate_lists(
         self,
@@ -423,7 +427,7 @@ class VoxelizePass:
             self._temporary.append(work)
             work.bind_to_storage_buffer(slot("BUF_WORK"))
             work_count = len(cells)
-        kernel.set(work_count=work_count)
+        kernel.set(**geometry.grid.level_uniforms, work_count=work_count)
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
@@ -468,8 +472,9 @@ class VoxelizePass:
             listed = gpu.buffer("voxel work", items)
             self._temporary.append(listed)
         kernel = gpu.kernel("voxel_resolve", geometry.defines | {"HAS_SHADING_NORMALS": geometry.has_smooth_shading})
-        block = min(interface.BRICK, max(1, max(geometry.grid.size) // LINE_BLOCKS))
-        kernel.set(work_count=len(items), line_block=block)
+        longest = max(max(level.size) for level in geometry.grid.levels or (geometry.grid,))
+        block = min(interface.BRICK, max(1, longest // LINE_BLOCKS))
+        kernel.set(**geometry.grid.level_uniforms, work_count=len(items), line_block=block)
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))

@@ -68,7 +68,7 @@ void main()
             vec3 position;
             vec3 normal;
             fetch_face_place(face, position, normal);
-            uvec2 shift = link_shift(position + normal * RAY_START, normal, random_seed);
+            uvec2 shift = link_shift(position + normal * ray_start(position), normal, random_seed);
             for (uint k = 0u; k < link_count; ++k) {
                 vec3 direction;
                 float light;

@@ -48,7 +48,9 @@ void main()
 #endif
     uvec4 record = texelFetch(cells_tex, list_texel(number), 0);
     uint first = record.x, end = record.x + record.y;
-    vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(number), 0).r));
+    ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(number), 0).r);
+    int level = level_of_cell(cell);
+    vec3 corner = vec3(from_stack(cell, level));
 
     // Area, and area x place along the axis, of the facings.
     uvec3 plus = uvec3(0u), minus = uvec3(0u), plus_place = uvec3(0u), minus_place = uvec3(0u);
@@ -84,7 +86,7 @@ void main()
     uvec3 seen_plus = uvec3(0u), seen_minus = uvec3(0u);
     for (uint k = first; k < (may_be_cut ? end : first); ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg);
+        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
         uvec3 mask = uvec3(equal(uvec3(0u, 1u, 2u), uvec3(part.facing >> 1))) * 0xFFFFFFFFu;
         vec3 low, high;
         bounds_inside(t, corner, low, high);
@@ -139,7 +141,7 @@ void main()
     uvec3 near = uvec3(0u), far = uvec3(0u);
     for (uint k = first; k < (cut >= 0 ? end : first); ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg);
+        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
         uvec3 mask = uvec3(equal(uvec3(0u, 1u, 2u), uvec3(part.facing >> 1))) * 0xFFFFFFFFu;
         vec3 low, high;
         bounds_inside(t, corner, low, high);
