@@ -3,14 +3,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
 import numpy as np
 import pytest
 
 from addon.gpu.context import GpuContext
 from addon.grid import VoxelGrid
 from addon.levels import nested
+from addon.scene import LightKind, SceneData
+from addon.settings import Settings
 from blender_tests.passes import reference, scenes
-from blender_tests.passes.run import voxelized
+from blender_tests.passes.run import VoxelData, pipeline, prepare, radiance, read_voxels, sample, voxelized
 from blender_tests.passes.test_trace import shoot, unit
 
 #: Grid space, cells of the finest level: what is covered is lopsided, so that holes lie at borders too.
@@ -33,7 +38,8 @@ def soup(kind: str, rng: np.random.Generator) -> np.ndarray:
     if kind == "on borders":  # of levels, where these are planes
         for k in range(count):
             made[k, :, k % 3] = (-16.0, 16.0, -32.0, 32.0, 0.0)[k // 3 % 5] if k % 3 < 2 else (-8.0, 16.0, 32.0)[k % 2]
-    return made.astype(np.float32)
+    area = np.linalg.norm(np.cross(made[:, 1] - made[:, 0], made[:, 2] - made[:, 0]), axis=1)
+    return made[area > 1e-3].astype(np.float32)
 
 
 def rays_of(kind: str, count: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -100,3 +106,168 @@ def test_hits_agree_with_every_triangle_tried(kind: str, rays: str, gpu: GpuCont
         _, any_triangle, _, _ = shoot(gpu, found, origins, directions, limit, any_hit=True)
         decided = clear & (np.abs(nearest - limit) > 1e-2)
         np.testing.assert_array_equal((any_triangle >= 0)[decided], (nearest < limit)[decided])
+
+
+def test_triangles_are_listed_where_they_are(gpu: GpuContext) -> None:
+    """Points all over each triangle lie in cells of the finest level there, which list it; cells lie in no hole."""
+    triangles = soup("ordinary", np.random.default_rng(7))
+    made = grid()
+    with voxelized(gpu, scenes.scene((scenes.soup(triangles), scenes.diffuse())), made) as found:
+        corner, side = place_in_stack(made, found.cells)
+        levels = np.log2(side[:, 0]).astype(int)
+        assert set(levels) == set(range(len(made.levels)))
+        for k, level in enumerate(made.levels[:-1]):
+            low, high = np.array(level.first) * 2.0**k, np.array(level.end) * 2.0**k
+            coarser = levels > k
+            apart = (corner + side <= low) | (corner >= high)
+            assert apart[coarser].any(axis=1).all()
+        places = {tuple(row): index for index, row in enumerate(np.column_stack([corner, side]).tolist())}
+        lists = np.split(found.triangles, np.cumsum(found.records[:, 1])[:-1])
+        points = reference.sample_triangles(triangles.astype(np.float64), 60, np.random.default_rng(1))
+        for index, of_triangle in enumerate(points):
+            for point in of_triangle:
+                for k, level in enumerate(made.levels):
+                    cell = np.floor(point / 2.0**k)
+                    if (cell >= level.first).all() and (cell < level.end).all():
+                        break
+                inside = point / 2.0**k - cell
+                if inside.min() > 1e-3 and inside.max() < 0.999:
+                    assert index in lists[places[(*(cell * 2.0**k).tolist(), 2.0**k)]]
+
+
+def nested_settings(side: int = 32, detail: float = 0.05, **values: Any) -> Settings:
+    return Settings(
+        voxel_auto=False, voxel_resolution=side, voxel_levels="ON", voxel_detail=detail, debug_checks=True, **values
+    )
+
+
+def voxels_of(ready: Any) -> VoxelData:
+    return read_voxels(ready._voxelize.voxels, ready._geometry.geometry)
+
+
+def sides_of_faces(found: VoxelData, made: VoxelGrid) -> np.ndarray:
+    """(faces,) sides of their cells, in the finest ones'."""
+    return place_in_stack(made, found.face_cells)[1][:, 0]
+
+
+@pytest.mark.parametrize("albedo", [0.5, 0.8])
+def test_furnace_across_levels(albedo: float, gpu: GpuContext) -> None:
+    """A closed box that emits 1 - r and reflects r shines with radiance 1 everywhere, at the borders of levels too: on
+    faces, and in the picture of a wall that crosses them."""
+    eye = (0.4, 0.3, 0.2)
+    made = scenes.scene(
+        (scenes.box((-4.0, -3.0, -0.4), (5.0, 3.7, 1.3), inside_out=True), scenes.glowing(albedo, 1.0 - albedo)),
+        camera=scenes.camera(eye, (1.0, 3.7, 0.0), angle=2.2, aspect=2.0),
+    )
+    with pipeline(gpu, made, nested_settings(bounces=300), (96, 48), samples=16) as ready:
+        found = voxels_of(ready)
+        at = ready.grid
+        assert at is not None and len(at.levels) >= 4
+        place = found.faces["position"] * at.cell_size + at.origin
+        inside = np.einsum("fk,fk->f", found.faces["normal"], eye - place) > 0
+        assert set(sides_of_faces(found, at)[inside]) == {2.0**k for k in range(len(at.levels))}
+        np.testing.assert_allclose(radiance(ready)[inside], albedo, atol=3e-3)
+        picture = ready.film.read_mean("combined")[..., :3]
+        assert abs(picture.mean() - 1.0) < 2e-3
+        columns = picture[8:40].mean(axis=(0, 2))  # the wall, and the corners beside it
+        np.testing.assert_allclose(columns, 1.0, atol=5e-3)
+
+
+def corridor(**more: Any) -> SceneData:
+    """A long room along x, open nowhere, with a lamp in its middle."""
+    lamp = scenes.light(LightKind.POINT, 3.0, (0.3, 0.0, 0.5), radius=0.05)
+    return scenes.scene(
+        (scenes.box((-6.1, -1.0, -1.1), (6.3, 1.2, 1.3), inside_out=True), scenes.diffuse(0.7)), lights=[lamp], **more
+    )
+
+
+def test_indirect_light_is_continuous_along_a_wall(gpu: GpuContext) -> None:
+    """Light of a lamp that walls pass on, along a floor that crosses borders of levels, as in a grid of one level."""
+    from_above = scenes.camera((0.0, 0.0, 1.2), (0.0, 0.0, -1.1), width=6.0, aspect=12.0, near=0.01)
+    made = corridor(camera=from_above, pixel_filter_width=0.0)
+    profiles = []
+    for settings in (nested_settings(), scenes.settings(248)):
+        chosen = settings.with_values(use_direct=False, bounce_rays=64, samples=32)
+        means = []
+        for seed in range(3):
+            with pipeline(gpu, made, chosen.with_values(seed=seed), (120, 10)) as ready:
+                means.append(ready.film.read_mean("combined")[..., :3].mean(axis=(0, 2)))
+                levels = ready.grid.levels if ready.grid else ()
+                if levels:
+                    borders = [abs(end * 2.0**k * 0.05) for k, level in enumerate(levels) for end in (level.end[0],)]
+                    assert sum(border < 2.8 for border in borders) >= 2, "borders lie in the picture"
+        profiles.append(np.mean(means, axis=0))
+    levels, single = profiles
+    assert single.max() > 2.0 * single.min()
+    np.testing.assert_allclose(levels.mean(), single.mean(), rtol=0.01)
+    np.testing.assert_allclose(levels, single, rtol=0.05)
+    ratio = levels / single
+    steps = np.abs(ratio[4:] - ratio[:-4])  # what jumps within 20 cm
+    assert steps.max() < 0.05, "no border shows"
+
+
+def test_the_same_scene_gives_the_same_bits_and_edits_start_again(gpu: GpuContext) -> None:
+    """Twice from the start; and where somebody moves an object, or the camera, as if from the start."""
+    ball = scenes.sphere(0.2, 8)
+
+    def scene(x: float, eye: tuple[float, float, float]) -> SceneData:
+        made = corridor(camera=scenes.camera(eye, (eye[0], 1.2, -0.5)))
+        return dataclasses.replace(
+            scenes.scene(
+                (room.meshes[0], room.materials[0]), (ball, grey, scenes.at(x, 0.6, -0.4)), lights=room.lights
+            ),
+            camera=made.camera,
+        )
+
+    room, grey = corridor(), scenes.diffuse(0.5)
+    settings, size = nested_settings(samples=2), (24, 24)
+
+    def fresh(made: SceneData) -> tuple[Any, bytes]:
+        with pipeline(gpu, made, settings, size) as ready:
+            return ready.grid, ready.film.read("combined").tobytes()
+
+    near, beside, away = (0.0, 0.0, 0.3), (0.05, 0.02, 0.3), (3.5, 0.0, 0.3)
+    first = scene(0.2, near)
+    at, picture = fresh(first)
+    assert fresh(first) == (at, picture)
+    with pipeline(gpu, first, settings, size, samples=0, is_live=True) as live:
+        for made, stays in ((scene(0.3, near), True), (scene(0.3, beside), True), (scene(0.3, away), False)):
+            # Objects and the camera that a viewport knows stay the same objects while nothing changes them.
+            before = live.grid
+            prepare(live, made, settings, size)
+            sample(live, 2)
+            assert (live.grid == before) == stays
+            expected = fresh(made)
+            assert (live.grid, live.film.read("combined").tobytes()) == expected
+
+
+def test_everything_else_is_rendered_in_levels_too(gpu: GpuContext) -> None:
+    """Transparency, glass, gloss, smooth shading, small emitters, instances, lights of all kinds, a bright world."""
+    ball = scenes.sphere(0.2, 12)
+    lights = [
+        scenes.light(LightKind.POINT, 1.0, (0.3, 0.0, 1.0)),
+        scenes.light(LightKind.SUN, 2.0, direction=(0.3, 0.1, -1.0), angle=0.1),
+        scenes.light(LightKind.AREA, 5.0, (0.0, 0.5, 1.2), size=(0.2, 0.4)),
+    ]
+    shiny = scenes.principled(0.6, Roughness=0.2, Metallic=1.0)
+    glass = scenes.principled(0.9, Roughness=0.0, Transmission_Weight=1.0)
+    sheer = scenes.principled(0.5, Alpha=0.5)
+    objects: list[Any] = [(scenes.plane(30.0, -1.0), scenes.diffuse(0.5))]
+    objects += [(ball, surface, scenes.at(0.5 * k - 1.0, 0.4)) for k, surface in enumerate((shiny, glass, sheer))]
+    objects += [(ball, scenes.emission(4.0), scenes.at(0.6, 0.2, 0.4, 0.2))]
+    objects += [(ball, scenes.diffuse(0.8), scenes.at(float(x), 4.0, 0.0)) for x in range(-12, 12)]
+    made = scenes.scene(
+        *objects, lights=lights, world=scenes.world(0.3), camera=scenes.camera((0.0, -1.6, 0.3), (0.0, 0.4, 0.0))
+    )
+    views = ("voxels", "voxel_radiance", "voxel_emission", "shadow", "ambient_occlusion")
+    with pipeline(gpu, made, nested_settings(samples=2), (32, 32), outputs=views) as ready:
+        picture = ready.film.read_mean("combined")
+        assert ready.features is not None and ready.features.has_levels and len(ready.statistics()["levels"]) > 4
+        assert picture[..., :3].min() > 0.0 and np.isfinite(picture).all()
+        assert all(np.isfinite(ready.film.read_mean(name)).all() for name in views)
+        seen = ready.film.read_mean("voxels")[..., 3]
+        assert 0.3 < seen.mean() <= 1.0
+        alone = ready.film.read_mean("combined").mean()
+    with pipeline(gpu, made, scenes.settings(256, samples=2), (32, 32)) as ready:
+        assert ready.film.read_mean("combined").mean() == pytest.approx(alone, rel=0.04)
+        assert not ready.statistics()["levels"]

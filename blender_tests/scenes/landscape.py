@@ -58,6 +58,6 @@ def scene() -> Any:
 
     build.add_light("SUN", (0.0, 0.0, 0.0), (0.5, 0.75, -0.9), "Sun", energy=4.0, angle=0.01)
     build.set_world((0.35, 0.5, 0.8))
-    build.add_camera((0.9, -0.4, 1.65), (0.0, 1.9, 0.95), lens=28.0)
+    build.add_camera((-1.5, 2.8, 1.75), (0.7, 0.4, 0.9), lens=24.0)
     result.camera.data.clip_end = 2.0 * EXTENT
     return result
