@@ -39,8 +39,8 @@ NEAR = 128.0
 LEAST_RESOLUTION = 16
 #: The middle of the levels lies at multiples of so many of the finest cells, near the camera; ...
 STEP = 32
-#: ... and so many beside them. In binary 101.0101..., so that what lies at round numbers, as floors do, lies well inside
-#: the cells of all levels, not between them.
+#: ... and so many beside them. In binary 101.0101..., so that what lies at round numbers, as floors do, lies well
+#: inside the cells of all levels, not between them.
 BESIDE = 16.0 / 3.0
 #: While somebody looks on, it stays until the camera is so far from it, in sides of the finest level.
 SLACK = 0.2
@@ -140,8 +140,8 @@ def nested(bounds: DoubleArray, middle: DoubleArray, side: int, cell_size: float
 
 
 def choose_nested(scene: SceneData, settings: Settings, plan: Plan, middle: DoubleArray) -> VoxelGrid | None:
-    """The largest levels of the finest cells whose estimated memory is inside the budget; None: cells of one size are no
-    wider."""
+    """The largest levels of the finest cells whose estimated memory is inside the budget; None: cells of one size are
+    no wider."""
     if not settings.voxel_auto:
         side = min(max(-(-settings.voxel_resolution // SIDE_STEP) * SIDE_STEP, SIDE_STEP), MOST_CELLS)
         return nested(plan.bounds, middle, side, settings.voxel_detail)

@@ -15,8 +15,6 @@ from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from . import checks
 from .camera import CameraRays, pixel_offset
 from .edit import MAX_INSTANCES, Edit, edit_between
@@ -247,7 +245,7 @@ class Pipeline:
 
         shape = (scene.meshes, scene.instances)
         automatic = (settings.memory_budget, settings.bounce_rays) if settings.voxel_auto else ()
-        resolution = automatic or (settings.voxel_resolution,)
+        resolution: tuple[Any, ...] = automatic or (settings.voxel_resolution,)
         resolution += settings.voxel_levels, settings.voxel_detail, settings.gather_mode, settings.shadow_mode
         if self._plan is None or memo.stale("plan", *shape, *resolution):
             self._plan = Plan.of(scene, settings)
@@ -582,20 +580,24 @@ class Pipeline:
     # Report -----------------------------------------------------------------------------------------------------
 
     def statistics(self) -> dict[str, Any]:
-        """What was done and what it took; sizes in bytes, times in ms."""
+        """What was done and what it took; sizes in bytes, times in ms, widths of voxels in metres.
+
+        ``voxels``: along the sides of the grid, or of the finest of its ``levels``.
+        """
         voxels = self._voxelize.voxels
+        levels = self.grid.levels if self.grid else ()
+        finest = levels[0] if levels else self.grid
         return {
             "renderer": self.gpu.renderer,
             "resolution": list(self._size),
             "samples": self.film.samples,
             "mean_samples": round(self.film.mean_samples, 3),
-            "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
+            "voxels": list(finest.size) if finest else [0, 0, 0],
             "levels": [
                 {"voxels": list(level.size), "voxel_size": self.grid.cell_size * (1 << k)}
-                for k, level in enumerate(self.grid.levels)
-            ]
-            if self.grid
-            else [],
+                for k, level in enumerate(levels)
+                if self.grid
+            ],
             "occupied": voxels.cell_count if voxels else 0,
             "faces": self._voxelize.face_count,
             "redone": dict(self.redone),

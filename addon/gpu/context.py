@@ -56,7 +56,8 @@ class Kernel:
     is_cold: bool = True  # drivers finish compiling when a program first runs
 
     def set(self, **values: Any) -> Kernel:
-        """Set uniforms, arrays from lists. One that the compiler dropped is ignored; one that the source never had raises KeyError."""
+        """Set uniforms, arrays from lists. One that the compiler dropped is ignored; one that the source never had
+        raises KeyError."""
         for name, value in values.items():
             member: Any = self.shader.get(name, None)
             if member is not None:

@@ -70,14 +70,13 @@ def level_octants(occupied: np.ndarray, levels: Sequence[Level]) -> np.ndarray:
     return words
 
 
-def cell_positions(
-    masks: np.ndarray, bricks: tuple[int, int, int], bits: tuple[int, int] = (11, 11)
-) -> np.ndarray:
-    """Positions of occupied cells in the order of their numbers, packed, (N,) uint32: ``bits`` of x and y, then z.
+def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int], bits_xy: tuple[int, int] = (11, 11)) -> np.ndarray:
+    """Positions of occupied cells in the order of their numbers, packed, (N,) uint32: x and y in
+    ``bits_xy`` bits, then z.
 
     ``masks``: (B,) uint64, bricks in the order x fastest.
     """
-    y_shift, z_shift = bits[0], bits[0] + bits[1]
+    y_shift, z_shift = bits_xy[0], sum(bits_xy)
     filled = np.flatnonzero(masks)
     z, rest = np.divmod(filled, bricks[0] * bricks[1])
     y, x = np.divmod(rest, bricks[0])

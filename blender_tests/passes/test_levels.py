@@ -123,6 +123,10 @@ def test_triangles_are_listed_where_they_are(gpu: GpuContext) -> None:
             assert apart[coarser].any(axis=1).all()
         places = {tuple(row): index for index, row in enumerate(np.column_stack([corner, side]).tolist())}
         lists = np.split(found.triangles, np.cumsum(found.records[:, 1])[:-1])
+        # And faces in their cells.
+        low, size = corner[found.faces["cell"]], side[found.faces["cell"]]
+        place = (found.faces["position"] - low) / size
+        assert place.min() > -1e-3 and place.max() < 1.001
         points = reference.sample_triangles(triangles.astype(np.float64), 60, np.random.default_rng(1))
         for index, of_triangle in enumerate(points):
             for point in of_triangle:
