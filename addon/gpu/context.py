@@ -56,12 +56,12 @@ class Kernel:
     is_cold: bool = True  # drivers finish compiling when a program first runs
 
     def set(self, **values: Any) -> Kernel:
-        """Set uniforms, arrays from lists. One that the compiler dropped is ignored; one that the source never had
-        raises KeyError."""
+        """Set uniforms. One that the compiler dropped is ignored; one that the source never had raises KeyError."""
         for name, value in values.items():
             member: Any = self.shader.get(name, None)
             if member is not None:
-                if isinstance(value, list):  # compilers drop the end of an array that is never read
+                if isinstance(value, list) and isinstance(value[0], tuple):
+                    # An array of vectors; compilers drop the end of one that is never read.
                     value = value[: member.array_length] if member.array_length > 1 else value[0]
                 member.value = value
             elif name not in self.source.text:
