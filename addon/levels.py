@@ -37,7 +37,8 @@ COARSE = 5.0
 NEAR = 128.0
 #: For want of memory, cells of one size do not become fewer than this along the longest side.
 LEAST_RESOLUTION = 16
-#: The middle of the levels lies at multiples of so many of the finest cells, near the camera; ...
+#: The middle of the levels lies at multiples of so many of the finest cells, or of a quarter of the finest level's
+#: side, near the camera; ...
 STEP = 32
 #: ... and so many beside them. In binary 101.0101..., so that what lies at round numbers, as floors do, lies well
 #: inside the cells of all levels, not between them.
@@ -92,7 +93,7 @@ class Plan:
             slack = SLACK * max(grid.levels[0].size) * grid.cell_size
             if (np.abs(nearest - before) <= slack).all():
                 return before
-        step = STEP * settings.voxel_detail
+        step = (STEP if settings.voxel_auto else min(STEP, _side_as_set(settings) // 4)) * settings.voxel_detail
         found = np.round(nearest / step) * step + BESIDE * settings.voxel_detail
         return float(found[0]), float(found[1]), float(found[2])
 
@@ -143,8 +144,7 @@ def choose_nested(scene: SceneData, settings: Settings, plan: Plan, middle: Doub
     """The largest levels of the finest cells whose estimated memory is inside the budget; None: cells of one size are
     no wider."""
     if not settings.voxel_auto:
-        side = min(max(-(-settings.voxel_resolution // SIDE_STEP) * SIDE_STEP, SIDE_STEP), MOST_CELLS)
-        return nested(plan.bounds, middle, side, settings.voxel_detail)
+        return nested(plan.bounds, middle, _side_as_set(settings), settings.voxel_detail)
     surfaces = measure_surfaces(scene)
     parts = Parts.of(scene)
     budget = budget_for(surfaces, settings)
@@ -162,6 +162,11 @@ def choose_nested(scene: SceneData, settings: Settings, plan: Plan, middle: Doub
             return nested(plan.bounds, middle, sides[fit], cell_size)
         cell_size *= 2.0
     return None
+
+
+def _side_as_set(settings: Settings) -> int:
+    """Cells along the sides of levels where the resolution is not automatic."""
+    return min(-(-settings.voxel_resolution // SIDE_STEP) * SIDE_STEP, MOST_CELLS)
 
 
 @dataclass(frozen=True)

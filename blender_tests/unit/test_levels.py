@@ -92,6 +92,17 @@ def test_floors_at_round_heights_lie_inside_cells() -> None:
             assert 0.1 < inside < 0.9
 
 
+@pytest.mark.parametrize("resolution", [8, 32, 64, 500])
+def test_the_camera_stands_in_the_finest_level(resolution: int) -> None:
+    """However small that is."""
+    for x in np.linspace(-3.0, 3.0, 41):
+        made = country(position=(float(x), -9.0 + 0.7 * float(x), 1.7))
+        grid = chosen(made, voxel_levels="ON", voxel_auto=False, voxel_resolution=resolution)
+        eye = (made.camera.world_from_camera[:3, 3] - grid.origin) / grid.cell_size
+        reach = 0.5 * max(grid.levels[0].size)
+        assert (np.abs(eye) < 0.7 * reach).all()
+
+
 def test_levels_follow_the_camera_in_steps() -> None:
     made, settings = country(), Settings()
     plan = Plan.of(made, settings)
