@@ -25,6 +25,10 @@ _DISPATCH_INDIRECT_BUFFER = 0x90EE
 _coming = threading.Lock()
 
 
+#: Compute programs that are kept however old they are, and times that what they come from may change before others,
+#: which nothing has used since, are released. An edited node graph leaves a program behind, half a megabyte each.
+MOST_PROGRAMS, PROGRAM_AGE = 128, 32
+
 #: What glGetGraphicsResetStatus gives while all is well.
 _NO_ERROR = 0
 
@@ -54,6 +58,7 @@ class Kernel:
     source: Source
     gpu: GpuContext
     is_cold: bool = True  # drivers finish compiling when a program first runs
+    last_use: int = 0  # in changes of what programs are made from
 
     def set(self, **values: Any) -> Kernel:
         """Set uniforms. One that the compiler dropped is ignored; one that the source never had raises KeyError."""
@@ -110,7 +115,8 @@ class GpuContext:
         self.memory: dict[str, int] = {}
         self.times: dict[str, PassTime] = {}
         self._inner_times: list[list[float]] = []
-        self._kernels: dict[tuple, Kernel] = {}
+        self._kernels: dict[tuple, Kernel] = {}  # in the order of their last use
+        self._changes = 0
         self._programs: dict[tuple, moderngl.Program] = {}
         self._objects: dict[int, tuple[str, Any, int]] = {}
         self.renderer = str(mgl.info.get("GL_RENDERER", "unknown"))
@@ -207,8 +213,23 @@ class GpuContext:
             except Exception as error:
                 self.check()
                 raise ShaderError(self._shader_message(source, defines, error)) from error
-            self._kernels[key] = Kernel(shader, source, self)
-        return self._kernels[key]
+            kernel = Kernel(shader, source, self)
+        else:
+            kernel = self._kernels.pop(key)
+        kernel.last_use = self._changes
+        self._kernels[key] = kernel
+        return kernel
+
+    def age_programs(self) -> None:
+        """Materials or the world changed: release compute programs that have not been used for long.
+
+        Scenes with many materials need many: what is in use is kept however many that are.
+        """
+        self._changes += 1
+        for key in list(self._kernels)[: max(len(self._kernels) - MOST_PROGRAMS, 0)]:
+            if self._kernels[key].last_use >= self._changes - PROGRAM_AGE:
+                return
+            self._kernels.pop(key).shader.release()
 
     def program(
         self, name: str, defines: Mapping[str, object] | None = None, texts: Mapping[str, str] | None = None
@@ -388,6 +409,11 @@ class GpuContext:
     def object_count(self) -> int:
         """Textures, buffers and other objects alive (programs apart)."""
         return len(self._objects)
+
+    @property
+    def program_count(self) -> int:
+        """Compiled programs that are kept."""
+        return len(self._kernels) + len(self._programs)
 
     def release(self) -> None:
         """Release everything that was made here, and the context when it is ours."""

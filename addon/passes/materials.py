@@ -79,6 +79,7 @@ class MaterialPass:
     def run(self, materials: Sequence[MaterialData], uv_layers: Collection[str] = ()) -> MaterialSet:
         """Compile and upload. ``uv_layers``: names of the UV layers that meshes have, for nodes that ask by name."""
         self.release()
+        self.gpu.age_programs()
         compiled = compile_materials(materials, uv_layers, self._max_textures())
         layers: list[tuple[str, str | None]] = []
 

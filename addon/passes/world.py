@@ -75,6 +75,7 @@ class WorldLight:
         if compiled.radiance is not None:
             self.constant = np.nan_to_num(np.asarray(compiled.radiance, np.float32), posinf=0.0, neginf=0.0).clip(0.0)
             return
+        self.gpu.age_programs()
         with self.gpu.timed("world"):
             self.texture = self._bake(compiled, picture_size(compiled.images))
             self._tabulate(self.texture)

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from addon.features import Features
+from addon.gpu import context
 from addon.gpu.context import GpuContext
 from addon.gpu.interface import LIST_WIDTH
 from addon.grid import VoxelGrid, choose_resolution, estimate_memory, measure_surfaces, scene_bounds
 from addon.pipeline import Pipeline, PipelineError
 from addon.scene import LightKind, SceneData
 from addon.settings import Settings
+from blender_tests.material_shader import material, node
 from blender_tests.passes import scenes
 from blender_tests.passes.run import pipeline, prepare, radiance, read_voxels, sample
 from blender_tests.passes.test_film import PASSES, glossy_room
@@ -286,6 +288,33 @@ def test_fractions_grow(gpu: GpuContext) -> None:
             assert fractions == sorted(fractions) and fractions[-1] == 1.0
     finally:
         ready.release()
+
+
+def test_programs_of_edited_materials_are_let_go_of(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However often a node graph is edited, and the picture of the first is the same again when it comes back."""
+    monkeypatch.setattr(context, "MOST_PROGRAMS", gpu.program_count + 4)
+    monkeypatch.setattr(context, "PROGRAM_AGE", 2)
+
+    def edited(length: int) -> SceneData:
+        sources = ("G.Position", *(f"M{k}.Value" for k in range(length - 1)))
+        texts = [node(f"M{k}", "Math", p_operation="COSINE", Value=source) for k, source in enumerate(sources)]
+        shader = node("D", "BsdfDiffuse", Color=f"M{length - 1}.Value")
+        surface = material(node("G", "NewGeometry"), *texts, shader, surface="D.BSDF")
+        return scenes.scene((scenes.plane(), surface), world=scenes.world(1.0))
+
+    shown = Pipeline(gpu)
+    try:
+        pictures, counts = [], []
+        for length in (1, *range(2, 13), 1):
+            prepare(shown, edited(length), SETTINGS, SIZE)
+            sample(shown, 1)
+            pictures.append(shown.film.read("combined").copy())
+            counts.append(gpu.program_count)
+        assert counts[0] < counts[1] and max(counts[6:]) <= counts[5], counts
+        np.testing.assert_array_equal(pictures[0], pictures[-1])
+        assert not np.array_equal(pictures[0], pictures[1])
+    finally:
+        shown.release()
 
 
 def test_release_is_complete(gpu: GpuContext) -> None:

@@ -344,6 +344,17 @@ def test_unknown_nodes_are_named() -> None:
     assert any("Cloth" in text and "Fibres" in text for text in rendering.last_warnings()), rendering.last_warnings()
 
 
+@pytest.mark.parametrize(("face", "start"), [(0, 1), (1, -5), (1, 10**6), (1, 0), (1, 5)])
+def test_faces_without_corners(face: int, start: int) -> None:
+    """What a script can write, and Blender takes as it is."""
+    room()
+    corners = [(0, 0, 0.01), (0.1, 0, 0.01), (0, 0.1, 0.01), (0.1, 0.1, 0.01)]
+    build.add_object("Broken", build.new_mesh("Broken", corners, [(0, 1, 2), (1, 3, 2)]))
+    bpy.data.objects["Broken"].data.polygons[face].loop_start = start
+    floor_is_seen(render())
+    assert any('"Broken"' in text for text in rendering.last_warnings()), rendering.last_warnings()
+
+
 # ---- counts and sizes ---------------------------------------------------------------------------------------------
 
 

@@ -39,12 +39,17 @@ def test_nothing_piles_up_in_renders() -> None:
     assert [text for text in renders.run(16).problems() if "objects" in text] == []
 
 
+PROGRAMS = [min(number, 250) for number in range(400)]  # of the 400 times 250 compile one
+
+
 @pytest.mark.parametrize(
     ("record", "words"),
     [
         (Record([(500 + 0) << 20] * 400, [{"Texture": 3}] * 400), []),
         (Record([(500 << 20) + 100_000 * number for number in range(400)]), ["memory grows by"]),
         (Record([(500 << 20) + 100_000_000 * (number % 7) for number in range(400)]), []),
+        (Record([(500 << 20) + 500_000 * count for count in PROGRAMS], programs=PROGRAMS), []),
+        (Record([(500 << 20) + 100_000 * number for number in range(400)], programs=PROGRAMS), ["memory grows by"]),
         (Record([1 << 20] * 8, [{"Texture": number} for number in range(8)]), ["objects of kind Texture were 2"]),
     ],
 )

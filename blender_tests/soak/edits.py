@@ -42,6 +42,7 @@ def run(count: int, seed: int = 0) -> Record:
         if shown.status(target).is_done:
             assert np.isfinite(pipeline.film.read("combined")).all()
         record.memory.append(resident_bytes())
+        record.programs.append(gpu.program_count)
         if number % CHECK_INTERVAL == 0:
             shown.stop()
             pipeline.release()

@@ -43,13 +43,22 @@ class Record:
 
     memory: list[int] = field(default_factory=list)
     objects: list[dict[str, int]] = field(default_factory=list)
+    programs: list[int] = field(default_factory=list)  # compiled so far, where they stay from round to round
+
+    def span(self) -> slice:
+        """The longest run of rounds after warming up in which no program was compiled: those are kept for later use."""
+        first = int(len(self.memory) * WARM_UP)
+        counts = self.programs or [0] * len(self.memory)
+        starts = [at for at in range(first, len(counts)) if at == first or counts[at] != counts[at - 1]]
+        ends = [*starts[1:], len(counts)]
+        return max((slice(*ends) for ends in zip(starts, ends, strict=True)), key=lambda s: s.stop - s.start)
 
     def growth(self) -> float:
-        """Bytes for each round, from the least of an early eighth of the measurements to the least of the last.
+        """Bytes for each round, from the least of the first eighth of :meth:`span` to the least of its last.
 
         Allocators give back at times that are theirs: only what is never given back counts.
         """
-        kept = self.memory[int(len(self.memory) * WARM_UP):]
+        kept = self.memory[self.span()]
         count = max(len(kept) // 8, 1)
         windows = [min(kept[at : at + count]) for at in range(0, len(kept) - count + 1, count)]
         return (windows[-1] - windows[0]) / max((len(windows) - 1) * count, 1)
@@ -57,7 +66,7 @@ class Record:
     def problems(self) -> list[str]:
         """What grows, in sentences."""
         found = []
-        rounds = len(self.memory) * (1.0 - WARM_UP)
+        rounds = len(self.memory) * (1.0 - WARM_UP)  # what the span grows by goes on in all of them
         if self.growth() * rounds > SLACK_BYTES + 0.01 * self.memory[-1]:
             found.append(f"memory grows by {self.growth():.0f} bytes each time")
         settled = self.objects[int(len(self.objects) * WARM_UP):]
@@ -68,9 +77,10 @@ class Record:
         return found
 
     def summary(self) -> str:
-        first = self.memory[int(len(self.memory) * WARM_UP)]
+        first, span = self.memory[int(len(self.memory) * WARM_UP)], self.span()
         objects = ", ".join(f"{count} {kind}" for kind, count in self.objects[-1].items() if count) or "no GL objects"
         return (
             f"{len(self.memory)} times: {first / 2**20:.1f} MiB after warming up, {self.memory[-1] / 2**20:.1f} MiB in "
-            f"the end ({self.growth():+.0f} bytes each time); left: {objects}"
+            f"the end ({self.growth():+.0f} bytes each time in {span.stop - span.start} between which no "
+            f"program was compiled); left: {objects}"
         )

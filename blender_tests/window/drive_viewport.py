@@ -230,7 +230,7 @@ def leave() -> Steps:
     contexts = [viewport.session._context for viewport in viewports()]
     shade("SOLID")
     yield 1.5
-    left = sum(context.object_count + len(context._kernels) + len(context._programs) for context in contexts)
+    left = sum(context.object_count + context.program_count for context in contexts)
     measured.setdefault("objects_left", []).append(left)
     measured["viewports_left"] = len(viewports())
 
@@ -488,7 +488,7 @@ def random_edits() -> Steps:
         yield from converge("rest")
         contexts = [viewport.session._context for viewport in viewports()]
         objects.append(sum(context.object_count for context in contexts))
-        programs.append(sum(len(context._kernels) + len(context._programs) for context in contexts))
+        programs.append(sum(context.program_count for context in contexts))
         kept("edits")
     drawn = view_draws() - drawn
     yield from leave()

@@ -31,7 +31,7 @@ def extract_mesh(mesh: bpy.types.Mesh, slot_count: int) -> ExtractedMesh:
 
     Triangles without area, and those with an impossible vertex, are left out.
     """
-    lost = _drop_faces_without_vertices(mesh)
+    lost = _drop_damaged_faces(mesh)
     mesh.calc_loop_triangles()
     if len(mesh.loop_triangles) == 0:
         return ExtractedMesh(None, lost)
@@ -94,14 +94,18 @@ def _corner_vertices(mesh: bpy.types.Mesh) -> IntArray:
     return _read(mesh.loops, "vertex_index", np.int32)
 
 
-def _drop_faces_without_vertices(mesh: bpy.types.Mesh) -> int:
-    """Faces of a damaged file may refer to vertices that are not there, and Blender would read beyond its arrays.
+def _drop_damaged_faces(mesh: bpy.types.Mesh) -> int:
+    """Faces of a damaged file or a careless script may refer to corners or vertices that are not there, and Blender
+    would read beyond its arrays.
 
     Returns how many triangles went, about.
     """
-    corner_vertices = _corner_vertices(mesh)
-    bad = (corner_vertices < 0) | (corner_vertices >= len(mesh.vertices))
-    if not bad.any():
+    corner_vertices, starts = _corner_vertices(mesh), _read(mesh.polygons, "loop_start", np.int32)
+    has_corners = len(starts) == 0 or (
+        starts[0] == 0 and bool((np.diff(starts) >= 3).all()) and starts[-1] <= len(corner_vertices) - 3
+    )
+    has_vertices = ((corner_vertices >= 0) & (corner_vertices < len(mesh.vertices))).all()
+    if has_corners and has_vertices:
         return 0
     before = len(mesh.polygons)
     mesh.validate()
