@@ -86,7 +86,7 @@ class VoxelGrid:
     @property
     def defines(self) -> dict[str, object]:
         """For lib/level.glsl."""
-        return {"LEVELS": len(self.levels)} if self.levels else {}
+        return {"LEVELS": len(self.levels)}
 
     @property
     def uniforms(self) -> dict[str, Any]:

@@ -28,6 +28,11 @@ from .settings import Settings
 #: Cells along the sides of levels, at most (positions of cells have nine bits for x and y) and at least.
 MOST_CELLS = 512
 LEAST_CELLS = 96
+#: Levels, at most: whole numbers in shaders are not larger. In scenes for which these are too few, the finest cells are
+#: wider than asked.
+MOST_LEVELS = 24
+#: Cells of the stack of all levels along z, at most: what GL 4.3 promises of a 3D texture of bricks.
+MOST_LAYERS = 2048 * BRICK
 #: Levels are made smaller in steps of so many cells; each covers whole bricks of the next, around the same middle.
 SIDE_STEP = 32
 #: Automatically, there are levels where cells of one size would be so many times as wide as the detail that is asked
@@ -55,19 +60,24 @@ class Plan:
     high: tuple[float, ...]
     resolution: int  # of a grid of one level
     may_nest: bool
+    detail: float  # width of the finest cells, metres
 
     @classmethod
     def of(cls, scene: SceneData, settings: Settings) -> Plan:
         bounds = scene_bounds(scene)
         resolution = choose_resolution(scene, settings)
         if bounds is None:
-            return cls((-1.0,) * 3, (1.0,) * 3, resolution, False)
-        cell_size = float((bounds[1] - bounds[0]).max()) / resolution
-        is_coarse = settings.voxel_auto and cell_size > COARSE * settings.voxel_detail
+            return cls((-1.0,) * 3, (1.0,) * 3, resolution, False, settings.voxel_detail)
+        longest = float((bounds[1] - bounds[0]).max())
+        cell_size = longest / resolution
+        # Far from the origin float64 still resolves a cell.
+        least = max(longest / (SIDE_STEP << (MOST_LEVELS - 3)), float(np.abs(bounds).max()) * 1e-12)
+        detail = max(settings.voxel_detail, least)
+        is_coarse = settings.voxel_auto and cell_size > COARSE * detail
         uses_cones = settings.gather_mode == "CONES" or settings.shadow_mode == "CONE"
         may_nest = (settings.voxel_levels == "ON" or (settings.voxel_levels == "AUTO" and is_coarse)) and not uses_cones
         low, high = bounds.tolist()
-        return cls(tuple(low), tuple(high), resolution, may_nest and cell_size > settings.voxel_detail)
+        return cls(tuple(low), tuple(high), resolution, may_nest and cell_size > detail, detail)
 
     @property
     def bounds(self) -> DoubleArray:
@@ -93,8 +103,8 @@ class Plan:
             slack = SLACK * max(grid.levels[0].size) * grid.cell_size
             if (np.abs(nearest - before) <= slack).all():
                 return before
-        step = (STEP if settings.voxel_auto else min(STEP, _side_as_set(settings) // 4)) * settings.voxel_detail
-        found = np.round(nearest / step) * step + BESIDE * settings.voxel_detail
+        step = (STEP if settings.voxel_auto else min(STEP, _side_as_set(settings) // 4)) * self.detail
+        found = np.round(nearest / step) * step + BESIDE * self.detail
         return float(found[0]), float(found[1]), float(found[2])
 
     def grid(self, scene: SceneData, settings: Settings, middle: tuple[float, ...]) -> VoxelGrid:
@@ -144,19 +154,23 @@ def choose_nested(scene: SceneData, settings: Settings, plan: Plan, middle: Doub
     """The largest levels of the finest cells whose estimated memory is inside the budget; None: cells of one size are
     no wider."""
     if not settings.voxel_auto:
-        return nested(plan.bounds, middle, _side_as_set(settings), settings.voxel_detail)
+        side = _side_as_set(settings)
+        while nested(plan.bounds, middle, side, plan.detail).size[2] > MOST_LAYERS:
+            side -= SIDE_STEP
+        return nested(plan.bounds, middle, side, plan.detail)
     surfaces = measure_surfaces(scene)
     parts = Parts.of(scene)
     budget = budget_for(surfaces, settings)
     single = float((plan.bounds[1] - plan.bounds[0]).max()) / plan.resolution
     sides = range(LEAST_CELLS, MOST_CELLS + 1, SIDE_STEP)
-    cell_size = settings.voxel_detail
+    cell_size = plan.detail
     while cell_size < single:
         fit, too_large = -1, len(sides)  # sides[fit] fits, sides[too_large] does not
         while too_large - fit > 1:
             tried = (fit + too_large) // 2
             grid = nested(plan.bounds, middle, sides[tried], cell_size)
-            fits = parts.estimate_memory(grid, surfaces.bytes_per_pair, settings.bounce_rays) <= budget
+            memory = parts.estimate_memory(grid, surfaces.bytes_per_pair, settings.bounce_rays)
+            fits = memory <= budget and grid.size[2] <= MOST_LAYERS
             fit, too_large = (tried, too_large) if fits else (fit, tried)
         if fit >= 0:
             return nested(plan.bounds, middle, sides[fit], cell_size)

@@ -460,7 +460,7 @@ class VoxelizePass:
         self._owned += [faces.place, faces.reflectance, faces.order, faces.shading]
         self._temporary.append(listed)
 
-        kernel = gpu.kernel("face_order").set(work_count=len(items), axis_counts=axis_counts)
+        kernel = gpu.kernel("face_order", geometry.grid.defines).set(work_count=len(items), axis_counts=axis_counts)
         lists.cells.use(slot("TEX_CELLS"))
         listed.bind_to_storage_buffer(slot("BUF_WORK"))
         faces.order.bind_to_image(slot("IMG_0"), read=False, write=True)

@@ -12,7 +12,7 @@ import pytest
 
 from addon.gpu.interface import BRICK
 from addon.grid import VoxelGrid, scene_bounds
-from addon.levels import MOST_CELLS, Parts, Plan, coarsened, nested
+from addon.levels import MOST_CELLS, MOST_LAYERS, MOST_LEVELS, Parts, Plan, coarsened, nested
 from addon.passes.voxel_numbers import cell_positions, empty_octants, level_octants
 from addon.scene import SceneData
 from addon.settings import Settings
@@ -130,6 +130,21 @@ def test_less_memory_than_estimated() -> None:
     assert len(sides) > 1 and sides == sorted(sides, reverse=True) and sides[-1] == 32
     single = coarsened(Plan.of(made, Settings(voxel_levels="OFF")), chosen(made, voxel_levels="OFF"))
     assert single["voxel_levels"] == "OFF"
+
+
+@pytest.mark.parametrize("half", [1e3, 1e6, 1e12])
+@pytest.mark.parametrize("detail", [1e-4, 0.05])
+def test_levels_of_worlds_of_any_size(half: float, detail: float) -> None:
+    """A tall block: as many levels, and as high a stack, as shaders and textures can have."""
+    made = scenes.scene((scenes.box((-half,) * 3, (half,) * 3), scenes.diffuse()))
+    bounds = scene_bounds(made)
+    assert bounds is not None
+    for more in ({"memory_budget": 65536}, {"voxel_auto": False, "voxel_resolution": 512}):
+        grid = chosen(made, voxel_levels="ON", voxel_detail=detail, **more)
+        assert 1 < len(grid.levels) <= MOST_LEVELS and grid.size[2] <= MOST_LAYERS
+        assert grid.cell_size == pytest.approx(detail) or half > 1e3
+        low, high = grid.box * grid.cell_size + grid.origin
+        assert (low < bounds[0]).all() and (high > bounds[1]).all()
 
 
 def test_shares_of_surfaces() -> None:

@@ -5,7 +5,7 @@
 // The boxes are stacked along z, and everything that is listed cell by cell knows cells of that stack alone.
 //
 // The including program gets the define
-//     LEVELS  how many there are; 0: one grid, of cells of side 1
+//     LEVELS  how many there are; 0: a single grid, of cells of side 1
 
 #include "lib/common.glsl"
 
