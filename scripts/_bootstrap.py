@@ -228,30 +228,30 @@ def is_complete(version: str) -> bool:
 
 
 @contextlib.contextmanager
-def only_one(version: str) -> Iterator[None]:
-    """Holds the set-up of one environment against other processes; waits for one that is at it."""
+def only_one(folder: str) -> Iterator[None]:
+    """Holds the set-up of one folder against other processes; waits for one that is at it."""
     import fcntl
 
-    with open(environment_folder(version) + ".lock", "w", encoding="ascii") as file:
+    with open(folder + ".lock", "w", encoding="ascii") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            say(f"Another process is setting up {os.path.basename(environment_folder(version))}; waiting for it.")
+            say(f"Another process is setting up {os.path.basename(folder)}; waiting for it.")
             fcntl.flock(file, fcntl.LOCK_EX)
-        _locks.append(file.fileno())
+        held_locks.append(file.fileno())
         try:
             yield  # closing the file, or the end of the process and of its installer, gives the lock back
         finally:
-            _locks.remove(file.fileno())
+            held_locks.remove(file.fileno())
 
 
 #: Descriptors of locks that are held. Installers inherit them, as they go on where this process alone is killed.
-_locks: list[int] = []
+held_locks: list[int] = []
 
 
 def run(command: Sequence[str], **options: Any) -> int:
     """Exit status of a command whose messages go to stderr, so that a script's own stdout stays clean."""
-    return subprocess.run(list(command), stdout=STDERR, check=False, pass_fds=_locks, **options).returncode
+    return subprocess.run(list(command), stdout=STDERR, check=False, pass_fds=held_locks, **options).returncode
 
 
 def install_with_uv(uv: str, python: str, version: str) -> bool:
@@ -295,7 +295,7 @@ def set_up(python: str, version: str) -> None:
         return
     folder = environment_folder(version)
     check_is_own(folder)
-    with only_one(version):
+    with only_one(folder):
         if is_complete(version):  # by the process that was waited for
             return
         name = os.path.basename(folder)

@@ -207,9 +207,11 @@ def _normal(emitter: Emitter, normal: Expr) -> str:
 
 def _emit_material(closure: Closure, max_textures: int) -> tuple[MaterialFamily, Emitter, FloatArray]:
     emitter = Emitter("material", max_textures)
-    # Field, value, type, largest value: more than 1 in specular makes up for what single scattering loses.
+    # Field, value, type, largest value: more than 1 in specular makes up for what single scattering loses; what is
+    # seen reflects as much as its colour says, as in Cycles (pictures hold 65504, where opacity is a thousandth), while
+    # voxels reflect no more than all (pass voxel_accumulate): light between them has an end.
     fields: list[tuple[str, Expr, str, str]] = [
-        ("diffuse", closure.diffuse, VEC3, "1.0"),
+        ("diffuse", closure.diffuse, VEC3, "16.0"),
         ("specular_f0", closure.specular.f0, VEC3, "4.0"),
         ("specular_f90", closure.specular.f90, VEC3, "4.0"),
         ("specular_ior", closure.specular.ior, FLOAT, "100.0"),

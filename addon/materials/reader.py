@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
 
 from .closure import Closure
 from .expression import FLOAT, VEC3, Expr, average, constant, leaf, literal, luminance, splat, structural, unless_zero
@@ -16,6 +16,10 @@ VECTOR_OUTPUTS = frozenset(
      "UV", "Object", "Camera", "Window", "Reflection", "Location", "View Vector", "Velocity", "Angular Velocity",
      "Result_Vector", "Result_Rotation"]
 )  # fmt: skip
+
+#: Nodes that are read within each other before those that a node hangs on are read first, one after the other: Python
+#: allows about a thousand functions within each other, and a node takes up to ten.
+DEEPEST = 32
 
 ValueHandler = Callable[["GraphReader", Node, str], Expr]
 ShaderHandler = Callable[["GraphReader", Node], Closure]
@@ -131,6 +135,7 @@ class GraphReader:
         if key in self._open:
             self.warn(node, "is linked to itself in a circle; the circle is cut here")
             return literal(0.0)
+        self._read_ahead(name)
         self._open.add(key)
         handler = VALUE_NODES.get(node.idname)
         if handler is not None:
@@ -141,6 +146,34 @@ class GraphReader:
         self._open.discard(key)
         self._values[key] = expr
         return expr
+
+    def _read_ahead(self, name: str) -> None:
+        """Where a node lies deep, reads what its inputs hang on, the farthest first."""
+        if len(self._open) < DEEPEST:
+            return
+        seen = {name}
+        path: list[tuple[str, str, bool]] = []  # node, output, is a shader
+        inputs = [self._links(name)]  # of the node that is looked at, and of those on the path to it
+        while inputs:
+            link = next(inputs[-1], None)
+            if link is None:
+                inputs.pop()
+                if path:
+                    other, output, is_shader = path.pop()
+                    if is_shader:
+                        self.node_closure(other, output)
+                    else:
+                        self.output(other, output)
+            elif link[0] not in seen and link[0] not in self._closures and link[:2] not in self._values:
+                seen.add(link[0])
+                path.append(link)
+                inputs.append(self._links(link[0]))
+
+    def _links(self, name: str) -> Iterator[tuple[str, str, bool]]:
+        """Node and output that each input of a node is linked to, and whether that is a shader."""
+        for socket in self.graph.nodes[name].inputs.values():
+            if socket.link is not None and socket.link[0] in self.graph.nodes:
+                yield *socket.link, socket.kind == "SHADER"
 
     def neutral(self, node: Node, identifier: str) -> Expr:
         """What an output gives that cannot be computed: the input of the same name, or else the middle of its range."""
@@ -167,6 +200,7 @@ class GraphReader:
         if key in self._open:
             self.warn(node, "is linked to itself in a circle; the circle is cut here")
             return Closure()
+        self._read_ahead(name)
         self._open.add(key)
         if node.idname in SHADER_NODES:
             closure = SHADER_NODES[node.idname](self, node)

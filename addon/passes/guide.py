@@ -43,12 +43,13 @@ class GuidePass:
             if self._voxels is not voxels:
                 self._number(voxels)
             listed = gpu.buffer("guide bins", self._work)
-        bins = None
+        bins = light = None
         try:
             bins = gpu.list_texture("guide bins", len(self._work) * _BINS // 2, 4, "f4")
-            yield from self._steps(voxels, radiance, links, world, settings, bins, listed)
+            light = gpu.list_texture("guide bins", voxels.faces.count, 1, "f4")
+            yield from self._steps(voxels, radiance, links, world, settings, bins, light, listed)
         finally:
-            gpu.free(bins, listed)
+            gpu.free(bins, light, listed)
 
     def _number(self, voxels: Voxels) -> None:
         """Which guides there are depends on voxels alone."""
@@ -68,10 +69,17 @@ class GuidePass:
         world: WorldLight,
         settings: Settings,
         bins: moderngl.Texture,
+        light: moderngl.Texture,
         listed: moderngl.Buffer,
     ) -> Iterator[float]:
         gpu, slot, count = self.gpu, interface.slot, len(self._work)
         assert links.links is not None and self._numbers is not None and self._guides is not None
+        with gpu.timed("guides"):
+            kernel = gpu.kernel("guide_light").set(face_count=voxels.faces.count)
+            radiance.use(slot("TEX_FACE_RADIANCE"))
+            light.bind_to_image(slot("IMG_0"), read=False, write=True)
+            kernel.run_list(voxels.faces.count)
+            gpu.barrier()  # read as a texture
         step = max(interface.GROUP_SIZE, LINKS_PER_STEP // (links.count * _FACES))
         for first in range(0, count, step):
             with gpu.timed("guides"):
@@ -81,7 +89,7 @@ class GuidePass:
                 voxels.bricks.use(slot("TEX_BRICKS"))
                 voxels.cells.use(slot("TEX_CELLS"))
                 voxels.faces.bind()
-                radiance.use(slot("TEX_FACE_RADIANCE"))
+                light.use(slot("TEX_FACE_RADIANCE"))
                 links.links.use(slot("TEX_LINKS"))
                 world.bind(kernel)
                 listed.bind_to_storage_buffer(slot("BUF_WORK"))

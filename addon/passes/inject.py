@@ -87,12 +87,15 @@ class LightTable:
         self.release()
         self.count = len(lights)
         round_lights = [light for light in lights if light.kind in (LightKind.POINT, LightKind.SPOT)]
+        areas = [light for light in lights if light.kind == LightKind.AREA]
         self._kinds = {
             "HAS_POINTS": bool(round_lights),
             "HAS_SPOTS": any(light.kind == LightKind.SPOT for light in lights),
             "HAS_SPHERES": any(not light.soft_falloff and light.radius > 0.0 for light in round_lights),
             "HAS_SUNS": any(light.kind == LightKind.SUN for light in lights),
-            "HAS_AREAS": any(light.kind == LightKind.AREA for light in lights),
+            "HAS_AREAS": bool(areas),
+            "HAS_RECTANGLES": any(light.shape == AreaShape.RECTANGLE for light in areas),
+            "HAS_ELLIPSES": any(light.shape == AreaShape.ELLIPSE for light in areas),
         }
         self.cell_size = grid.cell_size
         if not lights:

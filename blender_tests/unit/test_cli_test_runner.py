@@ -6,7 +6,9 @@ from __future__ import annotations
 import contextlib
 import pathlib
 import sys
+import time
 from collections.abc import Iterator
+from concurrent.futures import Future
 
 import pytest
 from conelight_test import runner
@@ -63,6 +65,45 @@ def test_what_happens_is_counted(tests: pathlib.Path, text: str, line: str, stat
     assert totals.status() == status
 
 
+@pytest.mark.parametrize("jobs", ["", "3"])
+def test_processes_side_by_side_say_what_they_have_to_in_one_piece(
+    jobs: str, tests: pathlib.Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("CONELIGHT_JOBS", jobs)
+    monkeypatch.delenv("CONELIGHT_ALL_PYTHONS", raising=False)
+    monkeypatch.delenv("CONELIGHT_ALL_DRIVERS", raising=False)
+    for name in ("d", "e"):
+        file = tests / "renders" / f"test_{name}.py"
+        says = f"print('{name}', flush=True); time.sleep(0.2)"
+        file.write_text(f"import time\ndef test_it():\n    for _ in range(5): {says}\n")
+    assert runner.main([str(tests / "renders"), "-s", "-q", "-p", "no:cacheprovider"]) == 0
+    said = capfd.readouterr().out.splitlines()
+    letters = "".join(line.strip(". ") for line in said if line.strip(". ") in ("d", "e"))
+    assert letters in ("dddddeeeee", "eeeeeddddd")
+    assert said[-1] == "2 passed, 0 failed, 0 skipped"
+
+
+def test_a_system_that_is_being_set_up_is_left_when_tests_end(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: pathlib.Path
+) -> None:
+    monkeypatch.delenv("CONELIGHT_BLENDER_WINDOW", raising=False)
+    monkeypatch.setenv("CONELIGHT_WINDOW", "1")
+    monkeypatch.setattr(runner.window, "FOLDER", str(tmp_path))
+    for name in ("SYSTEM", "READY", "LOG"):
+        monkeypatch.setattr(runner.window, name, str(tmp_path / name.lower()))
+    monkeypatch.setattr(runner.window.os, "geteuid", lambda: 0)
+    monkeypatch.setattr(runner.window.shutil, "which", lambda name: name)
+    monkeypatch.setattr(runner.window, "_mirror", lambda: "nowhere")
+    run = runner.window._run
+    monkeypatch.setattr(runner.window, "_run", lambda command, *rest: run(["sleep", "60"], *rest))
+    start = time.monotonic()
+    with runner.window.being_set_up() as system:
+        time.sleep(0.5)
+    assert time.monotonic() - start < 20.0
+    with pytest.raises(runner.window.NoWindow, match="failed"):
+        system.result()
+
+
 def test_without_a_window_the_reason_is_said_and_nothing_fails(
     tests: pathlib.Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -73,12 +114,12 @@ def test_without_a_window_the_reason_is_said_and_nothing_fails(
     assert [run.targets for run in runs] == [("blender_tests/window/test_f.py",)]
 
     @contextlib.contextmanager
-    def environment() -> Iterator[dict[str, str]]:
+    def environment(_: Future[None]) -> Iterator[dict[str, str]]:
         raise runner.window.NoWindow("there is no display")
         yield {}
 
     monkeypatch.setattr(runner.window, "environment", environment)
-    totals = runner.run_in_window(runs, sys.executable, [])
+    totals = runner.run_in_window(runs, sys.executable, [], Future())
     assert totals == runner.Totals()
     assert capsys.readouterr().out == "Not tested in a window: there is no display.\n"
 
@@ -89,8 +130,9 @@ def test_no_system_is_set_up_by_others_than_root(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(runner.window.os, "geteuid", lambda: 1000)
     for asked, answer in (("", "CONELIGHT_WINDOW=1 has"), ("1", "by root on Linux only")):
         monkeypatch.setenv("CONELIGHT_WINDOW", asked)
-        with pytest.raises(runner.window.NoWindow, match=answer), runner.window.environment():
-            pass
+        with runner.window.being_set_up() as system, pytest.raises(runner.window.NoWindow, match=answer):
+            with runner.window.environment(system):
+                pass
 
 
 def test_what_all_pythons_and_drivers_say_alike_is_asked_once(

@@ -464,26 +464,21 @@ def case_random_vulkan() -> Steps:
 
 
 def random_edits() -> Steps:
-    """Now and then the scene is made what it was, so that what is taken can be compared."""
+    """Now and then the scene is made what it was, so that what is taken can be compared: with what Blender takes by
+    itself for the same edits and as many drawings, too. Ends before that is more than a process may have."""
     settings().viewport_samples = 2
     operator(bpy.ops.ed.undo_push, message="engine")
     before = remember()
     shade("RENDERED")
     yield from converge("start")
     kept("start")
-    drawn = view_draws()
-    chance = random.Random(1)
+    chance, drawn = random.Random(1), view_draws()
     end = time.perf_counter() + float(os.environ.get("CONELIGHT_RANDOM_SECONDS", "60"))
     counts: dict[str, int] = {}
     objects: list[int] = []
     programs: list[int] = []
-    while time.perf_counter() < end:
-        for _ in range(25):
-            edit = chance.choice(EDITS)
-            counts[edit.__name__] = counts.get(edit.__name__, 0) + 1
-            edit(chance)
-            area("VIEW_3D").tag_redraw()
-            yield chance.choice((0.0, 0.02, 0.1, 0.5))
+    while time.perf_counter() < end and mappings_used() < 0.3:
+        yield from some_edits(chance, counts)
         put_back(before)
         yield from converge("rest")
         contexts = [viewport.session._context for viewport in viewports()]
@@ -493,9 +488,34 @@ def random_edits() -> Steps:
     drawn = view_draws() - drawn
     yield from leave()
     kept("leaving")
-    yield from idle(drawn)
+    chance, start = random.Random(1), view_draws()
+    for _ in objects:
+        yield from idle(0)
+        shade("RENDERED")
+        yield from some_edits(chance, {})
+        put_back(before)
+        kept("idle")
+    yield from idle(drawn - (view_draws() - start))
     kept("idle")
     measured.update(edits=counts, objects=objects, programs=programs)
+
+
+def some_edits(chance: random.Random, counts: dict[str, int]) -> Steps:
+    """Adds to ``counts`` how often each kind was done."""
+    for _ in range(25):
+        edit = chance.choice(EDITS)
+        counts[edit.__name__] = counts.get(edit.__name__, 0) + 1
+        edit(chance)
+        area("VIEW_3D").tag_redraw()
+        yield chance.choice((0.0, 0.02, 0.1, 0.5))
+
+
+def mappings_used() -> float:
+    """Of the memory mappings that a process may have, what share this one has."""
+    with open("/proc/sys/vm/max_map_count", encoding="ascii") as file:
+        most = int(file.read())
+    with open("/proc/self/maps", encoding="utf-8") as file:
+        return sum(1 for _ in file) / most
 
 
 def remember() -> list[tuple[str, str, str, Any]]:

@@ -149,5 +149,5 @@ def test_random_edits(backend: str, archive: str, folder: pathlib.Path) -> None:
     assert len(measured["edits"]) > 5, "there were edits of many kinds"
     assert len(set(measured["objects"])) == 1, "the scene of the beginning needs what it needed then, in GL objects"
     assert len(set(measured["programs"])) == 1, "and in programs"
-    taken = sum(measured["kept"]["edits"]) - (sum(measured["kept"]["idle"]) if backend == "vulkan" else 0)
+    taken = sum(measured["kept"]["edits"]) - sum(measured["kept"]["idle"])  # Blender with lavapipe takes much by itself
     assert taken < 2**28, "one viewport that stays behind takes 2**26, and there were many"

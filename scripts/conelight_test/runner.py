@@ -8,14 +8,18 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import glob
 import json
 import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from typing import TextIO
 
 import _bootstrap
 
@@ -105,8 +109,11 @@ def plan(targets: Sequence[str], second_driver: bool) -> list[Run]:
     return runs
 
 
-def execute(run: Run, python: str, options: Sequence[str]) -> Totals:
-    """Runs one process and counts. One that dies or hangs counts as a failed test."""
+def execute(run: Run, python: str, options: Sequence[str], output: TextIO | None = None) -> Totals:
+    """Runs one process and counts. One that dies or hangs counts as a failed test.
+
+    ``output``: where what it prints goes, if not where this process prints.
+    """
     with tempfile.TemporaryDirectory(prefix="conelight-test-") as folder:
         results = os.path.join(folder, "results.json")
         environ = {
@@ -119,7 +126,7 @@ def execute(run: Run, python: str, options: Sequence[str]) -> Totals:
         try:
             process = subprocess.run(
                 [python, WORKER, results, *options, *run.targets], cwd=ROOT, env=environ, timeout=PROCESS_LIMIT,
-                stdin=subprocess.DEVNULL, check=False,
+                stdin=subprocess.DEVNULL, stdout=output, stderr=output, check=False,
             )
             end = f"exit status {process.returncode}"
         except subprocess.TimeoutExpired:
@@ -128,12 +135,12 @@ def execute(run: Run, python: str, options: Sequence[str]) -> Totals:
         with contextlib.suppress(OSError, ValueError), open(results, encoding="ascii") as file:
             counts = json.load(file)
     if counts is None:
-        print(f"{run.title}: the test process died ({end})", flush=True)
+        print(f"{run.title}: the test process died ({end})", file=output, flush=True)
         return Totals(failed=1)
     status = counts.pop("status")
     totals = Totals(**counts)
     if status not in (0, NO_TESTS) and not totals.failed:
-        print(f"{run.title}: pytest ended with status {status}", flush=True)
+        print(f"{run.title}: pytest ended with status {status}", file=output, flush=True)
         totals.failed += 1
     return totals
 
@@ -177,31 +184,54 @@ def main(arguments: Sequence[str]) -> int:
         print("There is no lavapipe on this machine (Debian: mesa-vulkan-drivers; Fedora: mesa-vulkan-drivers): "
               "pass tests run on one OpenGL only.", flush=True)
         second_driver = False
-    for number, python in enumerate(pythons()):
-        runs = plan(targets, second_driver and number == 0)
-        for run in runs:
-            if not run.needs_window:
-                again = [] if number == 0 and not run.environ else AGAIN
-                total.add(announced(run, python, [*again, *options]))
-        if number == 0:  # tests in a window use another Blender, with a Python of its own
-            total.add(run_in_window([run for run in runs if run.needs_window], python, options))
+    found = pythons()
+    with contextlib.ExitStack() as stack:
+        work: list[Callable[[], Totals]] = []
+        for number, python in enumerate(found):
+            runs = plan(targets, second_driver and number == 0)
+            for run in runs:
+                if not run.needs_window:
+                    again = [] if number == 0 and not run.environ else AGAIN
+                    work.append(functools.partial(announced, run, python, [*again, *options]))
+            in_window = [run for run in runs if run.needs_window]
+            if number == 0 and in_window:  # it uses another Blender, with a Python of its own
+                system = stack.enter_context(window.being_set_up())
+                work.append(functools.partial(run_in_window, in_window, python, options, system))
+        pool = stack.enter_context(ThreadPoolExecutor(process_count()))
+        stack.callback(pool.shutdown, cancel_futures=True)  # after an interruption
+        for one in [pool.submit(each) for each in work]:
+            total.add(one.result())
     print(total.line(), flush=True)
     return total.status()
 
 
+def process_count() -> int:
+    """Test processes at the same time."""
+    return max(1, int(os.environ.get("CONELIGHT_JOBS") or 1))
+
+
 def announced(run: Run, python: str, options: Sequence[str]) -> Totals:
-    """As :func:`execute`, and says what it does."""
-    print(f"== {run.title}  ({_bootstrap.version_of(python)})", flush=True)
-    return execute(run, python, options)
+    """As :func:`execute`, and says what it does; of several at the same time each says all in the end."""
+    title = f"== {run.title}  ({_bootstrap.version_of(python)})"
+    if process_count() == 1:
+        print(title, flush=True)
+        return execute(run, python, options)
+    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as said:
+        totals = execute(run, python, options, said)
+        said.seek(0)
+        with _saying:
+            print(title, said.read(), sep="\n", flush=True)
+    return totals
 
 
-def run_in_window(runs: Sequence[Run], python: str, options: Sequence[str]) -> Totals:
-    """Tests in a window, where one can be had; else says why not."""
+_saying = threading.Lock()
+
+
+def run_in_window(runs: Sequence[Run], python: str, options: Sequence[str], system: Future[None]) -> Totals:
+    """Tests in a window, one after the other, as they press keys; where there is none says why not."""
     totals = Totals()
-    if not runs:
-        return totals
     try:
-        with window.environment() as environ:
+        with window.environment(system) as environ:
             for run in runs:
                 totals.add(announced(dataclasses.replace(run, environ=environ), python, options))
     except window.NoWindow as reason:

@@ -18,17 +18,28 @@ bool crosses(vec3 low, vec3 high, vec3 origin, vec3 inverse, float limit)
     return max(0.0, max(enter.x, max(enter.y, enter.z))) <= min(limit, min(leave.x, min(leave.y, leave.z)));
 }
 
+vec3 inverse_of(vec3 direction)
+{
+    return 1.0 / mix(direction, vec3(1e-12), lessThan(abs(direction), vec3(1e-12)));
+}
+
 // Whether a ray crosses a box before `limit` (cells); boxes grow by `margin` on all sides. Most rays miss what is around
 // all boxes.
 bool crosses_box(vec3 origin, vec3 direction, float limit, float margin)
 {
-    vec3 inverse = 1.0 / mix(direction, vec3(1e-12), lessThan(abs(direction), vec3(1e-12)));
+    vec3 inverse = inverse_of(direction);
     bool meets_hull = crosses(hull_low - margin, hull_high + margin, origin, inverse, limit);
     bool found = meets_hull && box_count == 1;
     for (int k = meets_hull && !found ? 0 : box_count; k < box_count; ++k) {
         found = found || crosses(box_low[k] - margin, box_high[k] + margin, origin, inverse, limit);
     }
     return found;
+}
+
+// Whether a ray crosses the box around all boxes, however far.
+bool crosses_hull(vec3 origin, vec3 direction)
+{
+    return crosses(hull_low, hull_high, origin, inverse_of(direction), 1e30);
 }
 
 // Whether something of the boxes may lie above the plane through a point.

@@ -10,9 +10,6 @@ uniform uint guide_first;  // of this dispatch
 uniform uint guide_count;  // of all
 
 const int GUIDE_BINS = GUIDE_SIDE * GUIDE_SIDE;
-const float GUIDE_POWER = 1.5;  // between mean radiance, which rays should follow where a bin is evenly lit, and its root
-                                // mean square, where it is not
-
 struct GuideWork {
     ivec3 brick;
     uint facing;

@@ -37,7 +37,8 @@ float light_estimate(Light light, vec3 position, out vec3 direction, out float w
         float cosine = min(dot(direction, light.axis_z) + width, 1.0);
         // By its nearest point, as that is what a point on it may bring.
         float near = max(distance - radius, 0.25 * max(distance, radius));
-        return cosine > 0.0 ? estimate * area * cosine * spread_attenuation(light, cosine) / (near * near) : 0.0;
+        float seen = min(area * cosine / (near * near), PI);
+        return cosine > 0.0 ? estimate * seen * spread_attenuation(light, cosine) : 0.0;
     }
 #endif
 #if HAS_SPOTS

@@ -19,21 +19,21 @@ uniform uint face_count;  // of all
 struct Site {
     uint face;      // NONE_INDEX: this thread has no site
     uint seed;      // of random numbers
-    vec3 origin;    // where its rays start, grid space
+    vec3 position;  // grid space
+    vec3 origin;    // where its rays start
     vec3 normal;    // geometric: no light comes from behind it
     vec3 shading_normal;  // of the cosine of light that is received
 };
 
 Site site_of_thread()
 {
-    Site site = Site(NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0));
+    Site site = Site(NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
     uint index = site_first + invocation_index();
     if (index < face_count) {
-        vec3 position;
         site.face = texelFetch(face_order_tex, list_texel(index), 0).r;
         site.seed = face_seed(site.face);
-        fetch_face_place(site.face, position, site.normal);
-        site.origin = position + site.normal * ray_start(position);
+        fetch_face_place(site.face, site.position, site.normal);
+        site.origin = site.position + site.normal * ray_start(site.position);
         site.shading_normal = site.normal;
 #if HAS_SHADING_NORMALS
         site.shading_normal = octahedral_decode(unpackSnorm2x16(texelFetch(face_shading_tex, list_texel(site.face), 0).r));

@@ -204,6 +204,15 @@ bool is_blocked(vec3 origin, vec3 direction, float limit, uint seed)
     return trace(origin, direction, limit, RAY_SHADOW, true, seed).triangle != NONE_INDEX;
 }
 
+// A ray towards a point, `distance` cells along `direction` from `position`, starts at `origin` instead.
+void start_at(vec3 origin, vec3 position, inout vec3 direction, inout float distance)
+{
+    vec3 way = direction + (position - origin) / max(distance, 1e-20);
+    float size = length(way);
+    direction = size > 0.0 ? way / size : direction;
+    distance *= size;
+}
+
 // From so far (cells of the receiver's level) a ray ends within a tenth of RAY_START of where it should: a float has 24 bits.
 const float MOST_EXACT = 1e3;
 

@@ -84,7 +84,7 @@ void add_emitters(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed
     for (uint i = 0u; i < candidates; ++i) {
         uint index = sample_index * candidates + i;
         uint candidate_seed = hash(seed, index);
-        EmitterSample s = sample_emitter(origin, sample_2d(index, seed), candidate_seed);
+        EmitterSample s = sample_emitter(p.position, sample_2d(index, seed), candidate_seed);
         float density = emitter_samples * s.density;
         if (dot(p.geometric_normal, s.direction) <= 0.0 || density <= 0.0) {
             continue;
@@ -103,6 +103,7 @@ void add_emitters(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint seed
             distance = s.distance;
         }
     }
+    start_at(origin, p.position, direction, distance);
     if (chosen > 0.0 && !is_shaded(origin, direction, distance, hash(seed, sample_index + 0x3C6EF3u))) {
         diffuse += chosen_diffuse * (total / chosen);
         glossy += chosen_glossy * (total / chosen);
@@ -140,7 +141,7 @@ void add_light(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint pixel_s
 {
     Light light = fetch_light(lights_tex, k);
     uint seed = hash(pixel_seed + k, 0xD1B54Au);
-    LightSample s = sample_light(light, origin, sample_2d(sample_index, seed));
+    LightSample s = sample_light(light, p.position, sample_2d(sample_index, seed));
     float cosine = dot(p.normal, s.direction);
     // Light behind the surface comes out of glass, bent.
     bool behind = dot(p.geometric_normal, s.direction) <= 0.0;
@@ -156,16 +157,14 @@ void add_light(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint pixel_s
     if (behind && (light.flags & RAY_TRANSMISSION) != 0u) {
         float facet_cosine;
         float rays = ggx_bent_density(glossy_normal, view, s.direction, alpha, p.ior, facet_cosine);
-        float points = light_density(light, origin, s.direction, s.distance);
         on_glossy = s.irradiance * p.transmission * (1.0 - dielectric_reflectance(facet_cosine, p.ior)) * rays *
-                    mis_weight(points, rays);
+                    mis_weight(s.density, rays);
     }
 #endif
     if ((light.flags & RAY_GLOSSY) != 0u && !p.is_inside) {
         float rays = ggx_density(glossy_normal, view, s.direction, alpha);
-        float points = light_density(light, origin, s.direction, s.distance);
         vec3 reflected = ggx_reflection(glossy_normal, view, s.direction, alpha, p.f0, p.f90, p.ior);
-        on_glossy = s.irradiance * reflected * mis_weight(points, rays);
+        on_glossy = s.irradiance * reflected * mis_weight(s.density, rays);
     }
 #endif
     if (max_component(on_diffuse + on_glossy) <= 0.0) {
@@ -179,6 +178,7 @@ void add_light(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint pixel_s
         visible = cone_visibility(p.position, side, s.direction, tan(angle), s.distance);
 #else
         vec3 from = behind ? p.position - p.geometric_normal * ray_start(p.position) : origin;
+        start_at(from, p.position, s.direction, s.distance);
         visible = is_shaded(from, s.direction, s.distance, hash(seed, sample_index)) ? 0.0 : 1.0;
 #endif
         visible = mix(1.0, visible, shadow_amount);

@@ -4,6 +4,7 @@
 // Input: bins of all guides.    Output: guides_img: trees of shares (lib/guide.glsl).
 
 #include "lib/guide_work.glsl"
+#include "lib/guide_light.glsl"
 #include "lib/guide_number.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;

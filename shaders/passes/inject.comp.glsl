@@ -73,8 +73,8 @@ bool shades(vec3 origin, vec3 direction, float distance, uint seed)
 // NONE_INDEX where there is no surface, or it is hidden from the first point.
 Site site_point(Site site, uint k)
 {
-    float side = cell_side(site.origin);
-    vec3 place = (site.origin - site.normal * (RAY_START * side)) / side;
+    float side = cell_side(site.position);
+    vec3 place = site.position / side;
     vec3 cell = floor(place);
     int axis = dominant_axis(site.normal);
     int right = (axis + 1) % 3;
@@ -103,7 +103,7 @@ Site site_point(Site site, uint k)
     }
     uint face = k == 0u || is_there ? site.face : NONE_INDEX;
     uint seed = k == 0u ? site.seed : hash(site.seed, k);
-    return Site(face, seed, origin, site.normal, site.shading_normal);
+    return Site(face, seed, site.position + shift, origin, site.normal, site.shading_normal);
 }
 
 #if HAS_LIGHTS
@@ -119,12 +119,13 @@ vec3 light_from_light(Site site, uint k, Light light, uint points)
     uint seed = hash(site.seed + k, random_seed);
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < points; ++i) {
-        LightSample s = sample_light(light, site.origin, sample_2d(i, seed));
+        LightSample s = sample_light(light, site.position, sample_2d(i, seed));
         float cosine = dot(site.shading_normal, s.direction);
         if (cosine <= 0.0 || max_component(s.irradiance) <= 0.0 || !leaves_surface(site, s.direction)) {
             continue;
         }
         bool traces = use_shadows && (light.flags & LIGHT_CASTS_SHADOW) != 0u;
+        start_at(site.origin, site.position, s.direction, s.distance);
         bool shaded = traces && shades(site.origin, s.direction, s.distance, hash(seed, i));
         sum += shaded ? vec3(0.0) : s.irradiance * cosine;
     }
@@ -137,7 +138,7 @@ float estimate(Site site, Light light)
 {
     vec3 direction;
     float width;
-    float brought = light_estimate(light, site.origin, direction, width);
+    float brought = light_estimate(light, site.position, direction, width);
     float cosine = clamp(dot(site.shading_normal, direction) + width, 0.0, 1.0);
     return (light.flags & RAY_DIFFUSE) != 0u ? brought * cosine : 0.0;
 }
@@ -187,13 +188,14 @@ vec3 light_from_emitters(Site site)
     vec3 irradiance = vec3(0.0);
     uint seed = hash(site.seed + 0x68E31Du, random_seed);
     for (uint i = 0u; i < uint(emitter_samples); ++i) {
-        EmitterSample s = sample_emitter(site.origin, sample_2d(i, seed), hash(seed, i));
+        EmitterSample s = sample_emitter(site.position, sample_2d(i, seed), hash(seed, i));
         float cosine = dot(site.shading_normal, s.direction);
         float density = emitter_samples * s.density;
         if (cosine <= 0.0 || density <= 0.0 || max_component(s.radiance) <= 0.0 || (s.flags & RAY_DIFFUSE) == 0u ||
             !leaves_surface(site, s.direction)) {
             continue;
         }
+        start_at(site.origin, site.position, s.direction, s.distance);
         bool blocked = shades(site.origin, s.direction, s.distance, hash(seed, i + 0x517CC1u));
         float weight = mis_weight(density, link_count * cosine / PI);
         irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
@@ -230,7 +232,7 @@ void main()
     uint face = number < face_count ? texelFetch(face_order_tex, list_texel(number), 0).r : 0u;
     vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(face), 0).xyz);
     uint reach = texelFetch(reach_tex, clamp(ivec3(place), ivec3(0), grid_size - 1) / BRICK, 0).r;
-    Site site = Site(number < face_count ? face : NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0));
+    Site site = Site(number < face_count ? face : NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
     for (bool unsure = reach != 0u; unsure; unsure = false) {  // not an `if`, whose inside software rasterizers always run
         site = site_of_thread();
     }

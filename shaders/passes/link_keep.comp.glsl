@@ -43,19 +43,20 @@ void main()
             number = links[k] == NONE_INDEX ? NONE_INDEX : number;
             has_changed = has_changed || (number == NONE_INDEX && links[k] != NONE_INDEX);
             links[k] = number;
-            vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(number == NONE_INDEX ? 0u : number), 0).xyz);
-            float reach = max(distance(place, site.origin), 1e-6);
-            bool is_near = number == NONE_INDEX ||
-                           crosses_box(site.origin, (place - site.origin) / reach, reach, FARTHEST_PLACE);
-            // A loop, not an `if`: software rasterizers run the inside of an `if` whether it holds or not.
-            for (bool unsure = is_near && may_cross && !has_changed; unsure; unsure = false) {
-                float limit = number == NONE_INDEX ? 1e30 : reach + 2.0 * FARTHEST_PLACE;  // 1.7: diagonals of cubes
-                vec3 direction;
-                bool leaves = link_ray(site, 4u * q + uint(k), shift, seed, direction);
-                has_changed = leaves && crosses_box(site.origin, direction, limit, 0.0);
-            }
         }
         imageStore(link_img, list_texel(site.face * quads + q), links);
+        // Loops, not `if`s: software rasterizers run the inside of an `if` whether it holds or not.
+        for (uint k = may_cross && !has_changed ? 0u : 4u; k < 4u; ++k) {
+            vec3 direction;
+            bool leaves = link_ray(site, 4u * q + k, shift, seed, direction);
+            for (bool unsure = leaves && crosses_hull(site.origin, direction); unsure; unsure = false) {
+                uint number = links[k];
+                vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(number == NONE_INDEX ? 0u : number), 0).xyz);
+                // 1.7: diagonals of cubes
+                float limit = number == NONE_INDEX ? 1e30 : distance(place, site.origin) + 2.0 * FARTHEST_PLACE;
+                has_changed = has_changed || crosses_box(site.origin, direction, limit, 0.0);
+            }
+        }
     }
     if (has_changed) {
         list_changed(site.face);

@@ -28,11 +28,12 @@ float free_share(Pixel p, vec3 origin, uvec2 shift, uint seed)
     float all = 0.0, free = 0.0;
     for (uint i = 0u; i < light_count; ++i) {
         Light light = fetch_light(lights_tex, i);
-        LightSample s = sample_light(light, origin, sample_2d(sample_index, shift + hash(i)));
+        LightSample s = sample_light(light, p.position, sample_2d(sample_index, shift + hash(i)));
         float value = luminance(s.irradiance);
         all += value;
         if (value > 0.0 && min(dot(p.normal, s.direction), dot(p.geometric_normal, s.direction)) > 0.0) {
             bool casts = (light.flags & LIGHT_CASTS_SHADOW) != 0u;
+            start_at(origin, p.position, s.direction, s.distance);
             free += casts && is_blocked(origin, s.direction, s.distance - ray_start(p.position), hash(seed, i)) ? 0.0 : value;
         }
     }

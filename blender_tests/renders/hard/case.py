@@ -24,8 +24,9 @@ class Case:
     ``exact``: the mean of the picture and of each of its parts, W/(m2 sr), by ``formula``; None: Cycles says it.
     ``same_as``: another case of which Cycles' picture is the answer, where Cycles itself cannot render this one.
     ``offset``, ``scale``: where the scene lies and how large it is; it is moved there last.
-    ``reason``: why a bound is not tighter. ``missed``: checks that do not hold yet, and why;
-    ``by_chance``: some of them do now and then.
+    ``samples``, ``cycles_samples``: passes of the picture, and of Cycles'.
+    ``reason``: why a bound is not tighter, or why there are more samples.
+    ``missed``: checks that do not hold yet, and why; ``by_chance``: some of them do now and then.
     ``skipped``: checks that mean nothing for this case, and why.
     """
 
@@ -41,6 +42,7 @@ class Case:
     size: tuple[int, int] = (48, 32)
     voxels: int = 32
     samples: int = 16
+    cycles_samples: int = 1024
     settings: Mapping[str, Any] = field(default_factory=dict)
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scale: float = 1.0

@@ -27,7 +27,6 @@ from .catalogue import CASES
 
 DOCS = Path(__file__).resolve().parents[3] / "docs"
 PICTURES = "hard_cases"
-CYCLES_SAMPLES = 1024
 EEVEE_SAMPLES = 16
 #: Pixels that a picture's long side has on the page.
 SIDE = 96
@@ -35,7 +34,8 @@ SIDE = 96
 HEAD = """# Hard cases
 
 Written by `python -m blender_tests.renders.hard.page`; the same cases are tests (`blender_tests/renders/hard/`). The
-answer of a case is exact by formula, or is Cycles' picture ({cycles} samples, 16 bounces). *Bound* is how far the mean
+answer of a case is exact by formula, or is Cycles' picture ({cycles} samples, where a case does not say more, and 16
+bounces). *Bound* is how far the mean
 of the picture may be from it, and of each sixth of the picture, in shares of the picture's mean. The next columns say
 how far the means of Conelight ({note}), Cycles and EEVEE ({eevee} samples, ray tracing on) are from the answer; for
 Conelight then the worst part, and the largest change of the mean when the scene is moved, turned by 17 degrees, or
@@ -62,7 +62,7 @@ def ask(case: Case, engine: str, stored: dict[str, Any], anew: bool) -> dict[str
     stored = stored if stored.get("scene") == scene else {"scene": scene}
     if not anew and engine in stored and path.exists():
         return stored
-    picture = (rendering.cycles(samples=CYCLES_SAMPLES) if engine == "cycles" else eevee())[..., :3]
+    picture = (rendering.cycles(samples=case.cycles_samples) if engine == "cycles" else eevee())[..., :3]
     path.parent.mkdir(parents=True, exist_ok=True)
     np.save(path, picture)
     return {**stored, engine: [float(f"{value:.6g}") for value in measure.parts(picture)]}
@@ -137,8 +137,8 @@ def main(names: list[str]) -> None:
             print(engine, name, everything[name][engine][0], flush=True)
     answers.read.cache_clear()
     gpu = GpuContext.standalone()
-    note = "32 voxels along the longest side, 16 samples"
-    text = HEAD.format(cycles=CYCLES_SAMPLES, eevee=EEVEE_SAMPLES, note=note)
+    note = "32 voxels along the longest side, 16 samples where a case does not say more"
+    text = HEAD.format(cycles=Case.cycles_samples, eevee=EEVEE_SAMPLES, note=note)
     text += "".join(row(gpu, case) for case in CASES.values())
     (DOCS / "hard_cases.md").write_text(text, encoding="utf-8")
 
