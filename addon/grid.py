@@ -171,11 +171,20 @@ class SurfaceMeasure:
         return BYTES_PER_PAIR + (BYTES_PER_INSTANCE_PAIR if self.is_shared else 0)
 
 
+def mean_scales(matrices: DoubleArray) -> DoubleArray:
+    """(K,) by how much each of ``matrices`` (K, 4, 4) scales lengths, on average."""
+    axes = matrices[:, :3, :3]
+    volumes = np.abs(np.linalg.det(axes))
+    # A scale of 0 leaves no volume: what is turned all ways keeps half of its surface in the plane.
+    sides = np.linalg.norm(np.cross(axes[:, [1, 2, 0]], axes[:, [2, 0, 1]]), axis=(1, 2))
+    return np.where(volumes > 1e-6 * sides**1.5, volumes ** (1.0 / 3.0), np.sqrt(0.5 * sides))
+
+
 def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
     """Decides how many cells are occupied, and how long their lists are."""
     area, perimeter, triangles = 0.0, 0.0, 0
     for mesh, matrices in instances_by_mesh(scene):
-        scales = np.abs(np.linalg.det(matrices[:, :3, :3])) ** (1.0 / 3.0)
+        scales = mean_scales(matrices)
         area += mesh.area_and_perimeter[0] * float(np.square(scales).sum())
         perimeter += mesh.area_and_perimeter[1] * float(scales.sum())
         triangles += len(mesh.triangle_vertices) * len(matrices)

@@ -18,6 +18,7 @@ from .grid import (
     cells_and_pairs,
     choose_resolution,
     instances_by_mesh,
+    mean_scales,
     measure_surfaces,
     placed_boxes,
     scene_bounds,
@@ -196,7 +197,7 @@ class Parts:
     def of(cls, scene: SceneData) -> Parts:
         boxes, areas, perimeters, triangles = [], [], [], []
         for mesh, matrices in instances_by_mesh(scene):
-            scales = np.abs(np.linalg.det(matrices[:, :3, :3])) ** (1.0 / 3.0)
+            scales = mean_scales(matrices)
             area, perimeter = mesh.area_and_perimeter
             boxes.append(placed_boxes(mesh, matrices))
             areas.append(area * np.square(scales))

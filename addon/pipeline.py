@@ -15,11 +15,14 @@ from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from . import checks
 from .camera import CameraRays, pixel_offset
 from .edit import MAX_INSTANCES, Edit, edit_between
 from .features import Features
 from .gpu.context import GpuContext
+from .gpu.interface import NONE_INDEX
 from .grid import VoxelGrid
 from .levels import Plan, coarsened
 from .passes.bounce import BouncePass, LinkPass
@@ -34,7 +37,7 @@ from .passes.geometry import GeometryPass
 from .passes.guide import GuidePass
 from .passes.history import LightHistory
 from .passes.inject import InjectPass, LightTable
-from .passes.materials import MaterialPass
+from .passes.materials import MaterialPass, Repainted, repainted
 from .passes.neighbours import NeighbourPass
 from .passes.reconstruct import ReconstructPass
 from .passes.reflect import ReflectPass
@@ -138,9 +141,10 @@ class Pipeline:
         self._glossy_history = LightHistory(gpu, glossy=True)
         self._scene: SceneData | None = None
         self._placed: SceneData | None = None  # what the geometry was made of
+        self._repainted: Repainted | None = None  # what looks different since voxels were made
         self._settings = Settings()
         self._size = (0, 0)
-        self._radiance_version = 0
+        self._emitter_version = self._radiance_version = 0
         #: Of the last ``prepare`` that did any: cells that were voxelized, faces that were linked to others and lit.
         self.redone = {"cells": 0, "linked_faces": 0, "lit_faces": 0}
         self._failed_with_geometry = False  # the last error came after the geometry was there
@@ -229,9 +233,15 @@ class Pipeline:
         uv_layers = tuple(sorted({name for mesh in scene.meshes for name in mesh.uv_layers}))
         if memo.stale("materials", scene.materials, uv_layers):
             yield Progress(0.0, "Compiling materials")
-            memo.forget("geometry", "emitters", "voxels")
+            looked = self._materials.set
             with self.gpu.timed("materials"):
-                self._materials.run(scene.materials, uv_layers)
+                found = repainted(looked, self._materials.run(scene.materials, uv_layers))
+            if found is None or (self.grid and self.grid.levels):  # levels are made again as a whole
+                memo.forget("geometry", "emitters", "voxels")
+            else:
+                self._repainted = found.and_before(self._repainted)
+                if found.glows.any():
+                    memo.forget("emitters")
             memo.done("materials", scene.materials, uv_layers)
         materials = self._materials.set
         assert materials is not None
@@ -265,7 +275,7 @@ class Pipeline:
             if settings.debug_checks and self._geometry.geometry is not None:
                 checks.check_geometry(self._geometry.geometry)
             if edit is None or self._emitters.may_include(scene, edit.instances, materials):
-                memo.forget("emitters", "links", "radiance")
+                memo.forget("emitters", "links")
             memo.forget("voxels")
             memo.done("geometry", *shape, *placing)
             yield Progress(0.05, "Voxelizing")
@@ -275,6 +285,7 @@ class Pipeline:
         if memo.stale("emitters"):
             for share in self._emitters.run(scene, geometry, materials, self._materials):
                 yield Progress(0.04 + 0.01 * share, "Finding emitters")
+            self._emitter_version += 1
             memo.done("emitters")
         self._emitters.compare(scene, geometry)
         features = Features.from_scene(
@@ -301,30 +312,49 @@ class Pipeline:
 
         before = _Memo()  # what was done when the voxels were as they were
         faces_before = self._voxelize.face_count
+        looks = self._repainted_bricks(scene, edit)
+        is_only_repainted = looks is not None and edit is None and not memo.stale("voxels", features.needs_radiance)
+        if looks is not None:
+            memo.forget("voxels", "radiance")
+        glows: np.ndarray | None = None  # bricks whose emission may be another, where nothing else has changed
         if memo.stale("voxels", features.needs_radiance):
             before = memo.copy()
-            memo.forget("links", "radiance", "neighbours")
+            glows = self._glowing_bricks(scene) if is_only_repainted else None
+            if not is_only_repainted:
+                memo.forget("links", "irradiance", "neighbours")
+            elif glows is not None:
+                memo.forget("links")
             changed = edit.bricks if edit else None
+            if looks is not None and (edit or is_only_repainted):
+                changed = looks | edit.bricks if edit else looks
             for share in self._voxelize.run(
                 geometry, materials, self._materials, has_faces=features.needs_radiance, changed=changed
             ):
                 yield Progress(0.05 + 0.25 * share, "Voxelizing")
             if settings.debug_checks and self._voxelize.voxels is not None:
                 checks.check_voxels(self._voxelize.voxels, geometry.triangle_count)
+            if is_only_repainted and self._voxelize.numbers_before is None:
+                memo.forget("links", "irradiance", "neighbours")  # faces have other numbers
+                glows = None
             memo.done("voxels", features.needs_radiance)
             redone["cells"] = self._voxelize.made
+            self._repainted = None
         voxels = self._voxelize.voxels
         assert voxels is not None
 
         if memo.stale("lights", scene.lights, grid):
-            memo.forget("radiance")
-            before.forget("radiance")
+            memo.forget("irradiance")
+            before.forget("irradiance")
             self._lights.run(scene.lights, grid)
             memo.done("lights", scene.lights, grid)
 
         if features.needs_radiance:
             changes = None
-            if edit and self._voxelize.numbers_before is not None:
+            if glows is not None:  # links to faces that are said to be new are traced again
+                numbers = np.arange(faces_before, dtype=np.uint32)
+                numbers[self._voxelize.faces_in(glows)] = NONE_INDEX
+                changes = FaceChanges(self.gpu, numbers, faces_before, np.zeros((0, 2, 3)), np.zeros((0, 2, 3)))
+            elif edit and self._voxelize.numbers_before is not None:
                 changes = FaceChanges(
                     self.gpu, self._voxelize.numbers_before, faces_before, edit.ray_boxes, edit.cell_boxes
                 )
@@ -377,13 +407,45 @@ class Pipeline:
             return None  # lists of cells say where meshes' triangles lie, and that has changed
         return edit
 
+    def _repainted_bricks(self, scene: SceneData, edit: Edit | None) -> np.ndarray | None:
+        """(z, y, x) bool: bricks with surfaces that look different from when they were made; None: there are none, or
+        all are made again."""
+        looks = self._repainted
+        if looks is None or not looks.materials.any() or not self._voxelize.face_count:
+            return None
+        if edit is None and not self._memo.has("voxels"):
+            return None
+        return self._bricks_of(looks.materials, scene)
+
+    def _glowing_bricks(self, scene: SceneData) -> np.ndarray | None:
+        """(z, y, x) bool: bricks in which rays may find faces where they meet what emits now or did; None: none of it
+        has changed."""
+        assert self._repainted is not None
+        if not self._repainted.glows.any():
+            return None
+        found = np.pad(self._bricks_of(self._repainted.glows, scene), 1)  # faces of the cells beside, too
+        for axis in range(3):
+            found = found | np.roll(found, 1, axis) | np.roll(found, -1, axis)
+        return found[1:-1, 1:-1, 1:-1]
+
+    def _bricks_of(self, materials: np.ndarray, scene: SceneData) -> np.ndarray:
+        """(z, y, x) bool: bricks that surfaces of ``materials`` (M,) bool enter."""
+        by_slot = [materials[list(instance.materials)] for instance in scene.instances]
+        if shares_triangles(scene):
+            return self._voxelize.bricks_with(np.array([slots.any() for slots in by_slot]))
+        by_triangle = [
+            slots[scene.meshes[instance.mesh].triangle_slots]
+            for slots, instance in zip(by_slot, scene.instances, strict=True)
+        ]
+        return self._voxelize.bricks_with(np.concatenate(by_triangle))
+
     def _release_light(self) -> None:
         """Of voxels."""
         self._links.release()
         self._inject.release()
         self._bounce.release()
         self._neighbours.release()
-        self._memo.forget("links", "radiance", "neighbours")
+        self._memo.forget("links", "irradiance", "radiance", "neighbours")
 
     def _start_history(self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool) -> None:
         """Light at pixels stays right while all but the camera stays; outputs say which kinds of it are kept."""
@@ -442,19 +504,26 @@ class Pipeline:
                 yield Progress(0.8, "Lighting voxels")
             memo.done("neighbours")
         light = (
-            settings.seed, settings.use_shadows, settings.light_falloff, settings.bounces, features.needs_links, drawn,
-            world_drawn,
+            settings.seed, settings.use_shadows, settings.light_falloff, settings.bounce_rays,
+            self._emitter_version if drawn else 0, self._scene.world if world_drawn and self._scene else None,
         )  # fmt: skip
-        if memo.stale("radiance", *light):
-            if features.has_lights or drawn or world_drawn:
-                emitters = self._emitters if drawn else None
-                world = self._world if world_drawn else None
-                kept = None if before.stale("radiance", *light) else changes
-                for share in self._inject.run(voxels, self._lights, emitters, world, settings, kept):
-                    yield Progress(0.8 + 0.1 * share, "Lighting voxels")
-                redone["lit_faces"] = self._inject.lit
-            else:
-                self._inject.release()
+        if memo.stale("irradiance", *light):
+            memo.forget("radiance")
+        bounces = settings.bounces, features.needs_links
+        if memo.stale("radiance", *bounces):
+            is_lit = features.has_lights or drawn or world_drawn
+            if not memo.has("irradiance") or (is_lit and self._inject.irradiance is None):
+                memo.forget("irradiance")
+                if is_lit:
+                    emitters = self._emitters if drawn else None
+                    world = self._world if world_drawn else None
+                    kept = None if before.stale("irradiance", *light) else changes
+                    for share in self._inject.run(voxels, self._lights, emitters, world, settings, kept):
+                        yield Progress(0.8 + 0.1 * share, "Lighting voxels")
+                    redone["lit_faces"] = self._inject.lit
+                else:
+                    self._inject.release()
+                memo.done("irradiance", *light)
             passed = self._links if features.needs_links else None
             for share in self._bounce.run(voxels, self._inject.irradiance, passed, settings, self._neighbours.sharing):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
@@ -463,7 +532,7 @@ class Pipeline:
                 checks.check_radiance(voxels, self._bounce.radiance[0], self._inject.irradiance, straight)
             if not self._is_live:
                 self._inject.release()  # whatever changes the light injects it anew
-            memo.done("radiance", *light)
+            memo.done("radiance", *bounces)
             self._radiance_version += 1
 
     # Picture ----------------------------------------------------------------------------------------------------

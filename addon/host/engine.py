@@ -104,7 +104,7 @@ class ConelightEngine(bpy.types.RenderEngine):
 
         def write() -> None:
             film = current.film
-            missing = write_passes(result.layers[0].passes, film.names, film.read, bpy.app.version)
+            missing = write_passes(result.layers[0].passes, film.names, current.read, bpy.app.version)
             if missing and not current.is_preview:
                 session.add_warning(f"passes without content in this version: {', '.join(missing)}")
 

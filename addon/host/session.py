@@ -16,6 +16,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..camera import filter_reach
 from ..scene import CameraData, SceneData
 from ..settings import Settings
 from .abandoned import abandon, free, free_abandoned
@@ -108,6 +109,7 @@ class Session:
         self._context: Any = None
         self._pipeline: Any = None
         self._render_number = -1  # of the last picture
+        self._shown = (slice(None), slice(None))  # rows and columns of the film that were asked for
         #: Ends what was left half done in the pipeline, before it is freed: called where its context is current.
         self.before_release: Callable[[], None] | None = None
 
@@ -193,12 +195,15 @@ class Session:
         is_animation: bool,
     ) -> bool:
         start = time.perf_counter()
-        if border is not None and border != scene.camera.border:
+        border, rendered, self._shown = with_margin(
+            border or scene.camera.border, size, filter_reach(scene.pixel_filter_width)
+        )
+        if border != scene.camera.border:
             scene = dataclasses.replace(scene, camera=dataclasses.replace(scene.camera, border=border))
         self._pipeline.want(wanted)
         follows = is_animation and self._render_number == _renders
         self._render_number = _renders
-        for progress in self._pipeline.prepare(scene, self.settings, size, follows=follows):
+        for progress in self._pipeline.prepare(scene, self.settings, rendered, follows=follows):
             if not step(_PREPARATION_SHARE * progress.fraction, progress.text):
                 return False
 
@@ -221,8 +226,13 @@ class Session:
 
     @property
     def film(self) -> Any:
-        """Where the pictures are, once :meth:`render` has begun: ``read(name)``, ``names``, ``samples``."""
+        """Where the pictures are, once :meth:`render` has begun: ``names``, ``samples``; :meth:`read` reads them."""
         return self._pipeline.film
+
+    def read(self, name: str) -> np.ndarray:
+        """(H, W, C) float32, row 0 at the bottom: what was asked for of a picture of the film."""
+        picture: np.ndarray = self.film.read(name)[self._shown]
+        return picture
 
     @property
     def warnings(self) -> list[str]:
@@ -280,6 +290,24 @@ class Session:
             "wall_ms": self._extraction_ms + render_ms,
             "first_frame_ms": self._extraction_ms + first_frame_ms,  # until the first pass was in the film
         }
+
+
+def with_margin(
+    border: tuple[float, float, float, float], size: tuple[int, int], reach: int
+) -> tuple[tuple[float, float, float, float], tuple[int, int], tuple[slice, slice]]:
+    """A border of ``size`` pixels, wider by the ``reach`` of the pixel filter as far as the frame goes; its pixels, and
+    which rows and columns of them lie inside. Pixels at its edge take what they take in the whole picture then."""
+    low, high, sizes, inside = [0.0, 0.0], [1.0, 1.0], [0, 0], [slice(None), slice(None)]
+    for axis, pixels in enumerate(size):
+        start, end = border[axis], border[axis + 2]
+        frame = max(round(pixels / max(end - start, 1e-9)), pixels)
+        first = round(start * frame)
+        before, after = min(reach, first), min(reach, max(frame - first - pixels, 0))
+        if before or after:
+            start, end = (first - before) / frame, (first + pixels + after) / frame
+        low[axis], high[axis], sizes[axis] = start, end, before + pixels + after
+        inside[axis] = slice(before, before + pixels)
+    return (low[0], low[1], high[0], high[1]), (sizes[0], sizes[1]), (inside[1], inside[0])
 
 
 def pixel_border(

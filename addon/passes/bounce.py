@@ -78,15 +78,16 @@ class LinkPass:
         """
         gpu, slot = self.gpu, interface.slot
         count = link_count(settings.bounce_rays, voxels.faces.count)
-        if count != self.count:
-            changes = None  # links before were others
+        brings_light = world.is_lit or emitters.count > 0
+        if count != self.count or (self.straight is not None) != brings_light:
+            changes = None  # links before were others, or brought other things
         before = (self.links, self.straight) if changes else (None, None)
         if not changes:
             self.release()
         self.count = count
         links = gpu.list_texture("links", voxels.faces.count * self.count // 4, 4, "u4")
         self.links = links
-        if world.is_lit or emitters.count:
+        if brings_light:
             self.straight = gpu.list_texture("straight light of faces", voxels.faces.count, 2, "u4")
         count = voxels.faces.count
         try:

@@ -14,7 +14,7 @@ from ..gpu.context import GpuContext, Kernel
 from ..grid import measure_surfaces
 from ..scene import RayVisibility, SceneData
 from .geometry import Geometry
-from .materials import MaterialPass, MaterialSet
+from .materials import MaterialPass, MaterialSet, emitting
 
 #: Points on emitters in each pass at each pixel, of which one is looked at, and at each voxel face.
 PIXEL_SAMPLES, FACE_SAMPLES = 4, 4
@@ -118,7 +118,7 @@ class EmitterTable:
 
     def may_include(self, scene: SceneData, instances: Sequence[int], materials: MaterialSet) -> bool:
         """Whether some of ``instances`` may have emitters now, or had some when the table was made."""
-        emits = _emitting(materials)
+        emits = emitting(materials)
         if any(emits[list(scene.instances[index].materials)].any() for index in instances):
             return True
         return not self._owners.isdisjoint(instances)
@@ -194,7 +194,7 @@ def _candidates(scene: SceneData, geometry: Geometry, materials: MaterialSet) ->
     """Triangles with a material that may emit, of instances that rays from surfaces see."""
     compiled = materials.compiled
     families = [compiled.families[material.family] for material in compiled.materials]
-    emits = _emitting(materials)
+    emits = emitting(materials)
     varies = np.array([family.emission_varies for family in families], bool)
     if not emits.any():
         return None
@@ -225,9 +225,3 @@ def _candidates(scene: SceneData, geometry: Geometry, materials: MaterialSet) ->
         divisions(areas, varies[material]),
         instances,
     )
-
-
-def _emitting(materials: MaterialSet) -> np.ndarray:
-    """(M,) bool: materials that may emit."""
-    compiled = materials.compiled
-    return np.array([compiled.families[material.family].has_emission for material in compiled.materials], bool)

@@ -54,6 +54,9 @@ class Geometry:
 #: As pass visibility reads it: rows of grid_from_object, first triangle.
 _PLACED = np.dtype([("x", "<f4", 4), ("y", "<f4", 4), ("z", "<f4", 4), ("first", "<u4")])
 
+#: Thickness over width that a float's digits tell from none.
+_FLAT = 1e-6
+
 #: So many instances of a mesh are looked at one by one before they are drawn: those out of view are left out.
 LEAST_CULLED = 256
 
@@ -407,11 +410,16 @@ def _slots(instances: Sequence[InstanceData]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _fill_matrices(records: np.ndarray, grid_from_object: np.ndarray) -> None:
-    """``grid_from_object``: (N, 4, 4). One without an inverse gets the closest thing to it."""
-    regular = np.abs(np.linalg.det(grid_from_object)) >= 1e-300
+    """``grid_from_object``: (N, 4, 4). What is flat has no inverse and gets the closest thing to it."""
+    axes = grid_from_object[:, :3, :3]
+    longest = np.linalg.norm(axes, axis=1).max(axis=1)
+    regular = np.abs(np.linalg.det(axes)) > _FLAT * longest**3
     inverse = np.empty_like(grid_from_object)
     inverse[regular] = np.linalg.inv(grid_from_object[regular])
-    inverse[~regular] = np.linalg.pinv(grid_from_object[~regular])
+    flat = np.linalg.pinv(axes[~regular], rcond=_FLAT)
+    inverse[~regular] = np.eye(4)
+    inverse[~regular, :3, :3] = flat
+    inverse[~regular, :3, 3] = -np.einsum("nij,nj->ni", flat, grid_from_object[~regular, :3, 3])
     for row, name in enumerate("xyz"):
         records[f"grid_from_object_{name}"] = grid_from_object[:, row]
         records[f"object_from_grid_{name}"] = inverse[:, row]

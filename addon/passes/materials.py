@@ -67,6 +67,55 @@ class MaterialSet:
         return any(family.has_specular for family in self.compiled.families)
 
 
+@dataclass(frozen=True)
+class Repainted:
+    """Materials that look different from before, where nothing else of them has changed."""
+
+    materials: np.ndarray  # (M,) bool
+    glows: np.ndarray  # (M,) bool: all that emit or did, where that may have changed of one; else none
+
+    def and_before(self, earlier: Repainted | None) -> Repainted:
+        """Both together."""
+        if earlier is None:
+            return self
+        return Repainted(self.materials | earlier.materials, self.glows | earlier.glows)
+
+
+def repainted(old: MaterialSet | None, new: MaterialSet) -> Repainted | None:
+    """What differs; None: more than looks does, such as what is read of meshes, or where light goes through."""
+    if old is None or old.layers != new.layers or len(old.compiled.materials) != len(new.compiled.materials):
+        return None
+    count = len(new.compiled.materials)
+    changed = np.array([_look(old, index) != _look(new, index) for index in range(count)], bool)
+    families = [
+        made.compiled.families[made.compiled.materials[index].family]
+        for made in (old, new)
+        for index in np.flatnonzero(changed)
+    ]
+    if any(family.has_transparency or family.has_transmission for family in families):
+        return None
+    glows = emitting(old) | emitting(new)
+    return Repainted(changed, glows if (glows & changed).any() else np.zeros(count, bool))
+
+
+def emitting(materials: MaterialSet) -> np.ndarray:
+    """(M,) bool: materials that may emit."""
+    compiled = materials.compiled
+    return np.array([compiled.families[material.family].has_emission for material in compiled.materials], bool)
+
+
+def _look(made: MaterialSet, index: int) -> tuple:
+    """All that a material's look depends on."""
+    material, images = made.compiled.materials[index], made.compiled.images
+    return (
+        made.compiled.families[material.family],
+        material.parameters.tobytes(),
+        tuple((id(images[texture.image]), texture.extension, texture.interpolation) for texture in material.textures),
+        material.uv_layers,
+        material.color_layers,
+    )
+
+
 class MaterialPass:
     """Compiles materials and uploads what they read."""
 
@@ -74,11 +123,15 @@ class MaterialPass:
         self.gpu = gpu
         self.set: MaterialSet | None = None
         self._owned: list[Any] = []
+        self._textures: list[tuple[ImageData, moderngl.Texture]] = []
         self._samplers: dict[tuple, moderngl.Sampler] = {}
 
     def run(self, materials: Sequence[MaterialData], uv_layers: Collection[str] = ()) -> MaterialSet:
-        """Compile and upload. ``uv_layers``: names of the UV layers that meshes have, for nodes that ask by name."""
-        self.release()
+        """Compile and upload. ``uv_layers``: names of the UV layers that meshes have, for nodes that ask by name.
+
+        Images that were there before stay.
+        """
+        kept = {id(image): texture for image, texture in self._textures}
         self.gpu.age_programs()
         compiled = compile_materials(materials, uv_layers, self._max_textures())
         layers: list[tuple[str, str | None]] = []
@@ -109,10 +162,22 @@ class MaterialPass:
             parts.append(np.asarray(material.parameters, np.float32).reshape(-1, 4))
             first += len(parts[-1])
         rows = np.concatenate(parts)
+        self.gpu.free(*self._owned)
+        self._owned = []
+        gone = [pair for pair in self._textures if not any(pair[0] is image for image in compiled.images)]
+        self._textures = [pair for pair in self._textures if pair not in gone]
+        self.gpu.free(*(texture for _, texture in gone))
         values = self.gpu.list_texture("material values", len(rows), 4, "f4", rows)
+        self._owned.append(values)
         table = self.gpu.buffer("material batches", batch_of_material)
-        images = [upload_image(self.gpu, image) for image in compiled.images]
-        self._owned = [values, table, *images]
+        self._owned.append(table)
+        images = []
+        for image in compiled.images:
+            texture = kept.get(id(image))
+            if texture is None:
+                texture = upload_image(self.gpu, image)
+                self._textures.append((image, texture))
+            images.append(texture)
         self.set = MaterialSet(compiled, layers, batches, batch_of_material, values, table, images)
         return self.set
 
@@ -164,8 +229,8 @@ class MaterialPass:
 
     def release(self) -> None:
         """Free everything."""
-        self.gpu.free(*self._owned, *self._samplers.values())
-        self._owned, self._samplers = [], {}
+        self.gpu.free(*self._owned, *(texture for _, texture in self._textures), *self._samplers.values())
+        self._owned, self._textures, self._samplers = [], [], {}
         self.set = None
 
 

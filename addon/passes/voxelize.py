@@ -26,7 +26,16 @@ from ..scene import RayVisibility
 from .geometry import Geometry
 from .materials import Batch, MaterialPass, MaterialSet
 from .taken_over import TakenOver
-from .voxel_numbers import cell_axes, cell_positions, cell_records, empty_octants, level_octants, number_faces, popcount
+from .voxel_numbers import (
+    cell_axes,
+    cell_positions,
+    cell_records,
+    empty_octants,
+    face_counts,
+    level_octants,
+    number_faces,
+    popcount,
+)
 
 #: Work items and pairs in one dispatch: bound how long a step takes, so that cancelling is quick.
 ITEMS_PER_STEP = 1 << 17
@@ -161,6 +170,33 @@ class VoxelizePass:
             self.gpu.free(*self._temporary)
             self._temporary = []
             self._owned += before
+
+    def bricks_with(self, marked: np.ndarray) -> np.ndarray:
+        """(z, y, x) bool: bricks that marked triangles enter. ``marked``: bool for each triangle, or for each instance
+        where these share triangles."""
+        voxels = self.voxels
+        assert voxels is not None
+        width = voxels.cell_triangles.components
+        listed = np.frombuffer(voxels.cell_triangles.read(), np.uint32).reshape(-1, width)[: voxels.pair_count, 0]
+        records, brick_of_cell = self._cells()
+        found = np.zeros(voxels.grid.bricks[::-1], bool)
+        if len(records):
+            found.ravel()[brick_of_cell[np.logical_or.reduceat(marked[listed], records[:, 0])]] = True
+        return found
+
+    def faces_in(self, bricks: np.ndarray) -> np.ndarray:
+        """(faces,) bool: those of cells in ``bricks`` (z, y, x) bool."""
+        records, brick_of_cell = self._cells()
+        return np.repeat(bricks.ravel()[brick_of_cell], face_counts(records[:, 3]))
+
+    def _cells(self) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 4) uint32, records of cells, and (N,) the numbers of their bricks."""
+        voxels = self.voxels
+        assert voxels is not None
+        records = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
+        bricks = np.frombuffer(voxels.bricks.read(), np.uint32).reshape(-1, 4)
+        counts = popcount(np.ascontiguousarray(bricks[:, :2]).view(np.uint64).ravel())
+        return records, np.repeat(np.arange(len(bricks)), counts)
 
     def _can_take_over(self, geometry: Geometry, materials: MaterialSet, has_faces: bool) -> bool:
         old = self.voxels

@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from addon import sharing
 from addon.edit import Edit, bricks_in, united
 from addon.gpu.context import GpuContext
 from addon.gpu.interface import CHANGED_BOXES
-from addon.materials.graph import MaterialData
+from addon.materials.graph import ImageData, ImageEncoding, ImageSet, MaterialData
 from addon.pipeline import Pipeline
 from addon.scene import LightData, LightKind, RayVisibility, SceneData
 from addon.settings import Settings
+from blender_tests.material_shader import material, node
 from blender_tests.passes import scenes
 from blender_tests.passes.run import pipeline, prepare, radiance, read_list, read_voxels, sample, unit_grid
 
@@ -213,6 +215,150 @@ def test_edits_that_move_nothing(edit: Any, gpu: GpuContext) -> None:
         sample(ready, 1)
         assert all(0.0 < share < 0.5 for share in shares(ready).values()), shares(ready)
         assert_same(bits(ready), fresh(gpu, edited))
+
+
+def repainted(made: SceneData, materials: dict[int, MaterialData]) -> SceneData:
+    """``materials``: by instance."""
+    new = list(made.materials)
+    for index, data in materials.items():
+        new[made.instances[index].materials[0]] = data
+    return dataclasses.replace(made, materials=tuple(new))
+
+
+PAINTS = {
+    "a ball": {2: scenes.principled((0.2, 0.3, 0.9), Roughness=0.4)},
+    "walls": {0: scenes.diffuse((0.3, 0.6, 0.7))},
+    "another shader": {1: scenes.principled((0.9, 0.1, 0.1), Roughness=0.2, Metallic=1.0)},
+    "all of them": {
+        0: scenes.diffuse(0.4), 1: scenes.diffuse(0.1), 2: scenes.diffuse(0.9),
+        3: scenes.principled(0.3, Roughness=0.9),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("is_live", [True, False])
+@pytest.mark.parametrize("paint", PAINTS)
+def test_other_colours_leave_what_rays_have_found(paint: str, is_live: bool, gpu: GpuContext) -> None:
+    made = room(world=scenes.world((0.4, 0.5, 0.7)))
+    painted = repainted(made, PAINTS[paint])
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=is_live) as ready:
+        prepare(ready, painted, SETTINGS, SIZE)
+        passes = set(gpu.times)
+        sample(ready, 1)
+        assert {"materials", "voxelize", "bounce"} <= passes
+        assert not {"geometry", "link", "neighbours", *(["inject"] if is_live else [])} & passes
+        assert ready.redone["cells"] > 0 and ready.redone["linked_faces"] == 0
+        if paint == "a ball":
+            assert shares(ready)["cells"] < 0.3
+        assert_same(bits(ready), fresh(gpu, painted))
+        gpu.times.clear()
+        prepare(ready, dataclasses.replace(painted, exposure=2.0), SETTINGS, SIZE)
+        assert not {"materials", "voxelize", "link", "inject", "bounce"} & set(gpu.times)
+
+
+GLOWING = scenes.glowing(0.5, (4.0, 3.0, 2.0))
+SHINY = scenes.principled((0.8, 0.3, 0.2), Roughness=0.4)
+
+
+@pytest.mark.parametrize(
+    ("before", "now"), [(SHINY, GLOWING), (GLOWING, SHINY), (GLOWING, scenes.glowing(0.2, (1.0, 1.0, 5.0)))]
+)
+def test_what_begins_or_ends_to_glow(before: MaterialData, now: MaterialData, gpu: GpuContext) -> None:
+    made = room(ball=before, sheet=scenes.emission(0.5))
+    painted = repainted(made, {2: now})
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        prepare(ready, painted, SETTINGS, SIZE)
+        sample(ready, 1)
+        assert "geometry" not in gpu.times and "neighbours" not in gpu.times
+        assert shares(ready)["cells"] < 0.3 and 0.0 < shares(ready)["linked_faces"] < 0.9
+        assert_same(bits(ready), fresh(gpu, painted))
+
+
+def test_a_first_glow(gpu: GpuContext) -> None:
+    """Links brought no light before."""
+    made = room()
+    painted = repainted(made, {2: GLOWING})
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        for edited in (painted, made, painted):
+            prepare(ready, edited, SETTINGS, SIZE)
+        sample(ready, 1)
+        assert_same(bits(ready), fresh(gpu, painted))
+
+
+@pytest.mark.parametrize(
+    ("before", "now"), [(SHINY, scenes.principled(0.8, Alpha=0.4)), (scenes.principled(0.8, Alpha=0.4), SHINY)]
+)
+def test_where_light_goes_through_is_more_than_a_look(before: MaterialData, now: MaterialData, gpu: GpuContext) -> None:
+    made = room(ball=before)
+    painted = repainted(made, {2: now})
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        prepare(ready, painted, SETTINGS, SIZE)
+        sample(ready, 1)
+        assert set(shares(ready).values()) == {1.0}
+        assert_same(bits(ready), fresh(gpu, painted))
+
+
+def test_a_colour_and_a_place_at_once(gpu: GpuContext) -> None:
+    made = room()
+    edited = repainted(placed(made, EDITS["moved"]), PAINTS["another shader"])
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        prepare(ready, edited, SETTINGS, SIZE)
+        sample(ready, 1)
+        assert all(0.0 < share < 0.9 for share in shares(ready).values()), shares(ready)
+        assert_same(bits(ready), fresh(gpu, edited))
+
+
+def test_colours_of_instances_that_share_triangles(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sharing, "LEAST_SAVED", 0)
+    made = room()
+    painted = repainted(made, {3: scenes.diffuse((0.9, 0.1, 0.2))})
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        prepare(ready, painted, SETTINGS, SIZE)
+        found, cells = radiance(ready).tobytes(), shares(ready)["cells"]
+    assert 0.0 < cells < 0.3
+    with pipeline(gpu, painted, SETTINGS, SIZE, samples=1) as ready:
+        assert radiance(ready).tobytes() == found
+
+
+def test_an_interrupted_colour_shows_nowhere(gpu: GpuContext) -> None:
+    """Whatever comes next: the same colour, another, or a move."""
+    made = room()
+    first = repainted(made, PAINTS["a ball"])
+    second = repainted(made, PAINTS["another shader"])
+    wanted = {id(scene): fresh(gpu, scene) for scene in (first, second, made)}
+    steps = 0
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        while True:
+            steps += 1
+            half = ready.prepare(first, SETTINGS, SIZE)
+            count = sum(1 for _, _ in zip(half, range(steps), strict=False))
+            half.close()
+            following = (second, first, made)[steps % 3]
+            prepare(ready, following, SETTINGS, SIZE)
+            sample(ready, 1)
+            assert_same(bits(ready), wanted[id(following)])
+            if count < steps:
+                break
+            prepare(ready, made, SETTINGS, SIZE)
+
+
+def test_images_of_other_materials_stay(gpu: GpuContext) -> None:
+    made = room(sheet=textured())
+    painted = repainted(made, PAINTS["a ball"])
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        before = ready._materials.set.textures  # type: ignore[union-attr]
+        prepare(ready, painted, SETTINGS, SIZE)
+        assert ready._materials.set.textures == before and len(before) == 1  # type: ignore[union-attr]
+        prepare(ready, repainted(painted, {3: scenes.diffuse(0.5)}), SETTINGS, SIZE)
+        assert not ready._materials.set.textures and "image textures" not in gpu.memory  # type: ignore[union-attr]
+
+
+def textured() -> MaterialData:
+    image = ImageData("grey", np.full((4, 4, 4), 128, np.uint8), ImageEncoding.SRGB)
+    return material(
+        node("I", "TexImage", ImageSet("grey", {1001: image})), node("D", "BsdfDiffuse", Color="I.Color"),
+        surface="D.BSDF",
+    )  # fmt: skip
 
 
 def removed(made: SceneData) -> SceneData:

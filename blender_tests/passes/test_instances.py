@@ -41,8 +41,8 @@ def cards() -> MeshData:
 
 
 def crowd(**more: object) -> SceneData:
-    """Over a floor that is there once: smooth, mirrored, glowing, glossy, partly transparent, held-out instances, some
-    of which only some rays see."""
+    """Over a floor that is there once: smooth, mirrored, flat, glowing, glossy, partly transparent, held-out instances,
+    some of which only some rays see."""
     rng = np.random.default_rng(5)
     checks = material(
         node("C", "TexCoord"), node("T", "TexChecker", Vector="C.UV", Scale=3.0),
@@ -55,6 +55,7 @@ def crowd(**more: object) -> SceneData:
     made = [InstanceData("floor", 1, scenes.at(z=-0.4), (0,))]
     for number in range(24):
         matrix = turned(rng, mirrored=number % 3 == 0)
+        matrix[:3, 2] *= 0.0 if number in (4, 16) else 1.0
         matrix[:3, 3] = rng.uniform((-2.0, -2.0, 0.2), (2.0, 2.0, 1.5))
         is_card = number % 2 == 1
         seen = RayVisibility.ALL if number % 5 else RayVisibility.CAMERA | RayVisibility.SHADOW

@@ -212,19 +212,19 @@ def test_indirect_light_is_continuous_along_a_wall(gpu: GpuContext) -> None:
 
 
 def test_the_same_scene_gives_the_same_bits_and_edits_start_again(gpu: GpuContext) -> None:
-    """Twice from the start; and where somebody moves an object, or the camera, as if from the start."""
+    """Twice from the start; and where somebody moves or paints an object, or moves the camera, as if from the start."""
     ball = scenes.sphere(0.2, 8)
 
-    def scene(x: float, eye: tuple[float, float, float]) -> SceneData:
+    def scene(x: float, eye: tuple[float, float, float], albedo: float = 0.5) -> SceneData:
         made = corridor(camera=scenes.camera(eye, (eye[0], 1.2, -0.5)))
         return dataclasses.replace(
             scenes.scene(
-                (room.meshes[0], room.materials[0]), (ball, grey, scenes.at(x, 0.6, -0.4)), lights=room.lights
+                (room.meshes[0], room.materials[0]), (ball, greys[albedo], scenes.at(x, 0.6, -0.4)), lights=room.lights
             ),
             camera=made.camera,
         )
 
-    room, grey = corridor(), scenes.diffuse(0.5)
+    room, greys = corridor(), {albedo: scenes.diffuse(albedo) for albedo in (0.5, 0.2)}
     settings, size = nested_settings(samples=2), (24, 24)
 
     def fresh(made: SceneData) -> tuple[Any, bytes]:
@@ -236,7 +236,10 @@ def test_the_same_scene_gives_the_same_bits_and_edits_start_again(gpu: GpuContex
     at, picture = fresh(first)
     assert fresh(first) == (at, picture)
     with pipeline(gpu, first, settings, size, samples=0, is_live=True) as live:
-        for made, stays in ((scene(0.3, near), True), (scene(0.3, beside), True), (scene(0.3, away), False)):
+        for made, stays in (
+            (scene(0.3, near), True), (scene(0.3, near, 0.2), True), (scene(0.3, beside, 0.2), True),
+            (scene(0.3, away, 0.2), False),
+        ):  # fmt: skip
             before = live.grid
             prepare(live, made, settings, size)
             sample(live, 2)

@@ -57,6 +57,20 @@ def test_normals_are_interpolated(scale: tuple[float, float, float], gpu: GpuCon
     np.testing.assert_allclose(np.abs(faces["normal"]), np.broadcast_to([0.0, 0.0, 1.0], expected.shape), atol=1e-3)
 
 
+def test_normals_of_what_is_flat(gpu: GpuContext) -> None:
+    """A scale of 0 leaves normals along one line, on the side that they were on."""
+    shape = scenes.soup([[[-2.0, -2.0, 0.3], [2.0, -2.0, -0.2], [-2.0, 2.0, 0.5]]])
+    normals = np.array([[0.6, 0.0, 0.8], [0.0, 0.6, 0.8], [0.0, -0.8, 0.6]])
+    made = scenes.scene((scenes.bent(shape, normals), scenes.diffuse(), scenes.at(5.0, 5.0, 3.3, (1.0, 1.0, 0.0))))
+    with voxelized(gpu, made, unit_grid(12)) as found:
+        faces = found.faces
+    assert len(faces) > 16
+    np.testing.assert_allclose(faces["position"][:, 2], 3.3, atol=1e-5)
+    up = np.where(faces["facing"] == 4, 1.0, -1.0)[:, None] * [0.0, 0.0, 1.0]
+    np.testing.assert_allclose(faces["shading_normal"], up, atol=1e-3)
+    np.testing.assert_allclose(faces["normal"], up, atol=1e-3)
+
+
 def test_flat_shading_takes_nothing_and_changes_nothing(gpu: GpuContext) -> None:
     """Where all is flat there are no shading normals; beside a smooth sphere a flat box has the same faces, and its own
     normals."""

@@ -470,12 +470,13 @@ def case_border() -> None:
     for crop in (False, True):
         scene.render.use_crop_to_border = crop
         red = saved_channels(scene)["Combined.R"]
-        assert script.size == (16, 7), script.size
-        assert np.allclose(script.border, (9 / 32, 4 / 16, 25 / 32, 11 / 16)), script.border
+        # A pixel more to each side, which the pixel filter reaches.
+        assert script.size == (18, 9), script.size
+        assert np.allclose(script.border, (8 / 32, 3 / 16, 26 / 32, 12 / 16)), script.border
         assert script.resolutions[-1] == (32, 16)
-        assert red.max() == 15
+        assert red.max() == 16
         if not crop:
-            assert red.shape == (16, 32) and red[8, 9:25].tolist() == list(range(16)) and red[8, 25:].max() == 0
+            assert red.shape == (16, 32) and red[8, 9:25].tolist() == list(range(1, 17)) and red[8, 25:].max() == 0
     scene.render.use_border = False
     render()
     assert script.size == (32, 16) and script.border == (0.0, 0.0, 1.0, 1.0)

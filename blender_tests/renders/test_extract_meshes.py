@@ -221,13 +221,23 @@ def test_triangles_without_area_and_empty_meshes(extract: Extract) -> None:
     assert scene.warnings == ()
 
 
-@pytest.mark.parametrize("scale", [(0.0, 0.0, 0.0), (1.0, 1.0, 0.0), (float("inf"), 1.0, 1.0)])
+@pytest.mark.parametrize("scale", [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (float("inf"), 1.0, 1.0)])
 def test_unusable_scale(extract: Extract, scale: tuple[float, float, float]) -> None:
     link("flat", mesh("flat")).scale = scale
     link("small", mesh("small")).scale = (1e-6, 1e-6, 1e-6)
     scene = extract()
     assert [i.name for i in scene.instances] == ["small"]
     assert len(scene.warnings) == 1 and '"flat"' in scene.warnings[0]
+
+
+def test_flat_scale(extract: Extract) -> None:
+    """What has lost its height still has a surface."""
+    thing = link("flat", mesh("flat"))
+    thing.scale = (1.0, 1.0, 0.0)
+    thing.rotation_euler = (0.3, 0.4, 0.5)
+    scene = extract()
+    assert [i.name for i in scene.instances] == ["flat"]
+    assert scene.warnings == ()
 
 
 def test_material_slots(extract: Extract) -> None:

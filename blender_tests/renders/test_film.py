@@ -73,6 +73,26 @@ def test_edges_are_as_soft_as_in_cycles() -> None:
     assert relative_mse(picture, rendering.cycles(samples=512)) < 0.005
 
 
+@pytest.mark.parametrize("filter_width", [0.5, 1.5, 4.0])
+def test_border_is_a_part_of_the_whole_picture(filter_width: float) -> None:
+    """Pixels at its edges take samples from beyond it, as in the whole picture; at the frame's edges there are none."""
+    scene = target.scene()
+    build.set_world((0.5, 0.5, 0.5))
+    scene.camera.rotation_euler.z = 0.1
+    scene.render.filter_size = filter_width
+    whole = rendering.conelight(**{**RENDER, "samples": 8})
+    height, width = whole.shape[:2]
+    for left, bottom, right, top in ((0.4375, 0.5, 0.5625, 0.625), (0.0, 0.25, 0.5, 1.0), (0.0, 0.0, 1.0, 0.5)):
+        scene.render.use_border = scene.render.use_crop_to_border = True
+        scene.render.border_min_x, scene.render.border_max_x = left, right
+        scene.render.border_min_y, scene.render.border_max_y = bottom, top
+        picture = rendering.conelight(**{**RENDER, "samples": 8})
+        rows = slice(round((1 - top) * height), round((1 - bottom) * height))
+        part = whole[rows, round(left * width) : round(right * width)]
+        assert picture.shape == part.shape
+        assert picture == pytest.approx(part, abs=2e-3)
+
+
 def test_holdout() -> None:
     target.scene()
     bpy.data.objects["Green"].is_holdout = True

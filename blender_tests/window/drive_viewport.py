@@ -142,9 +142,9 @@ def in_draw(work: Callable[[], Any]) -> Steps:
     bpy.types.SpaceView3D.draw_handler_remove(handler, "WINDOW")
 
 
-def save_film(name: str) -> Steps:
-    """Writes the viewport's film, scene-linear, row 0 at the bottom."""
-    viewport = viewports()[0]
+def save_film(name: str, viewport: Any = None) -> Steps:
+    """Writes a viewport's film, scene-linear, row 0 at the bottom; of the first if none is named."""
+    viewport = viewport or viewports()[0]
 
     def read() -> bool:
         with viewport.session.pipeline() as pipeline:
@@ -320,25 +320,43 @@ def life_cases() -> Steps:
     operator(bpy.ops.ed.undo_push, message="engine")
     shade("RENDERED")
     yield from converge("start")
+    yield from save_film("start")
 
-    operator(bpy.ops.object.select_all, action="SELECT")
+    operator(bpy.ops.object.select_all, action="DESELECT")
+    bpy.data.objects["Torus"].select_set(True)
     operator(bpy.ops.transform.translate, value=(0, 0, 1))
     operator(bpy.ops.ed.undo_push, message="move")
-    yield from converge("moved")
+    for name, step in (("moved", None), ("undone", bpy.ops.ed.undo), ("redone", bpy.ops.ed.redo)):
+        if step is not None:
+            operator(step)
+        yield from converge(name)
+        yield from save_film(name)
     operator(bpy.ops.ed.undo)
-    yield from converge("undone")
+    yield from converge("undone_again")
     scene, view = bpy.context.scene, space()
 
+    yield from overlays()
     view.show_region_ui = True
     yield from converge("narrower")
     view.show_region_ui = False
     yield from converge("wider")
     operator(bpy.ops.screen.region_quadview)
     yield from converge("four_views")
-    measured["four_views"] = len(viewports())
+    yield from save_views("four_views")
     shot("four_views")
     operator(bpy.ops.screen.region_quadview)
     yield from converge("one_view")
+    operator(bpy.ops.screen.area_split, direction="VERTICAL", factor=0.4)
+    other = min((a for a in window().screen.areas if a.type == "VIEW_3D"), key=lambda a: a.width)
+    other.spaces.active.region_3d.view_rotation.rotate(Euler((0.0, 0.0, 1.0)))
+    shade("RENDERED")  # Blender makes a new one Solid
+    yield 0.5
+    yield from converge("two_areas")
+    yield from save_views("two_areas")
+    with bpy.context.temp_override(window=window(), area=other):
+        bpy.ops.screen.area_close()
+    yield from converge("one_area")
+    view = space()
 
     scene.render.film_transparent = True
     yield from converge("transparent")
@@ -397,6 +415,43 @@ def life_cases() -> Steps:
         kept("conelight")
         yield from idle(view_draws() - drawn)
         kept("idle")
+
+
+def save_views(name: str) -> Steps:
+    """Writes the film of each viewport, and notes their sizes."""
+    found = viewports()
+    for number, viewport in enumerate(found):
+        yield from save_film(f"{name}_{number}", viewport)
+    measured[name] = [viewport.statistics["resolution"] for viewport in found]
+
+
+def overlays() -> Steps:
+    """Screenshots without a wire cube, with one in front of everything, with one under the floor, and with gizmos."""
+    view = space()
+    names = [name for name in dir(view.overlay) if name.startswith("show_") and name != "show_overlays"]
+    shown = {name: getattr(view.overlay, name) for name in names if isinstance(getattr(view.overlay, name), bool)}
+    cube = bpy.data.objects.new("Wires", None)
+    cube.empty_display_type, cube.empty_display_size = "CUBE", 0.5
+    bpy.context.scene.collection.objects.link(cube)
+    cube.hide_viewport = True
+    for name in shown:
+        setattr(view.overlay, name, name == "show_extras")
+    view.overlay.show_overlays = True
+    yield from converge("wires")
+    yield from save_screen("no_wires")
+    cube.hide_viewport = False
+    for name, height in (("before", 1.5), ("behind", -2.0)):
+        cube.location = (0.0, 0.0, height)
+        yield from converge(f"wires_{name}")
+        yield from save_screen(f"wires_{name}")
+    view.show_gizmo = True
+    yield from converge("gizmo")
+    yield from save_screen("gizmo")
+    view.show_gizmo = view.overlay.show_overlays = False
+    for name, value in shown.items():
+        setattr(view.overlay, name, value)
+    bpy.data.objects.remove(cube)
+    yield from converge("no_wires")
 
 
 class IdleEngine(bpy.types.RenderEngine):

@@ -111,7 +111,33 @@ def life(request: pytest.FixtureRequest, archive: str, folder: pathlib.Path) -> 
 def test_a_viewport_survives_what_is_around_it(life: dict[str, Any]) -> None:
     assert all(set(found["problem"]) == {None} for found in life["viewport"].values())
     assert life["error_of_f12"] is None
-    assert life["four_views"] == 4
+
+
+def test_views_differ(life: dict[str, Any], folder: pathlib.Path) -> None:
+    """The four of a divided view, and those of two areas, which are as large as these."""
+    for name, count in (("four_views", 4), ("two_areas", 2)):
+        assert len(life[name]) == count
+        pictures = [film(life, folder, f"{name}_{number}") for number in range(count)]
+        for number, one in enumerate(pictures):
+            assert list(one.shape[1::-1]) == life[name][number] and np.isfinite(one).all() and one.mean() > 0.01
+            assert not any(one.shape == other.shape and np.allclose(one, other) for other in pictures[:number])
+    whole, again = (life["viewport"][name]["statistics"]["resolution"] for name in ("one_view", "one_area"))
+    assert whole == again and sum(width for width, _ in life["two_areas"]) <= whole[0]
+
+
+def test_undo_and_redo_are_seen(life: dict[str, Any], folder: pathlib.Path) -> None:
+    start, moved, undone, redone = (film(life, folder, name) for name in ("start", "moved", "undone", "redone"))
+    assert np.abs(moved - start).mean() > 0.002 * start.mean()
+    assert np.array_equal(undone, start) and np.array_equal(redone, moved)
+
+
+def test_overlays_know_what_is_before_them(life: dict[str, Any], folder: pathlib.Path) -> None:
+    """Wires in front of everything are drawn over the picture, those under the floor are not seen."""
+    names = ("no_wires", "wires_before", "wires_behind", "gizmo")
+    bare, before, behind, gizmo = (screen(life, folder, name) for name in names)
+    drawn = [(np.abs(shown - bare).max(axis=-1) > 0.1).sum() for shown in (before, behind)]
+    assert drawn[0] > 100 and drawn[1] < 0.05 * drawn[0]
+    assert (np.abs(gizmo - behind).max(axis=-1) > 0.1).sum() > 100
 
 
 def test_none_stays_behind(life: dict[str, Any]) -> None:

@@ -78,7 +78,7 @@ ShadingPoint shading_point(Triangle t, vec2 barycentric, vec3 incoming, float fo
                         instance.grid_from_object_x.z * p.geometric_normal_ws.x +
                         instance.grid_from_object_y.z * p.geometric_normal_ws.y +
                         instance.grid_from_object_z.z * p.geometric_normal_ws.z);
-    p.normal_os = normalize(face_os);
+    p.normal_os = dot(face_os, face_os) > 0.0 ? normalize(face_os) : vec3(0.0, 0.0, 1.0);
     p.normal_ws = p.geometric_normal_ws;
 #else
     p.normal_os = interpolated_normal(instance, corner, barycentric);

@@ -27,9 +27,11 @@ vec3 interpolated_normal(Instance instance, uvec3 corner, vec2 barycentric)
     return dot(n, n) > 1e-12 ? normalize(n) : vec3(0.0, 0.0, 1.0);
 }
 
-// Rows of object_from_grid transposed times a normal: normals go by the inverse transpose.
+// Normals go by the inverse transpose, or, where a scale of 0 leaves no inverse, by what it is a multiple of: the matrix of
+// cofactors. Not finite where the surface that has the normal has become a line.
 vec3 world_normal(Instance instance, vec3 n)
 {
-    return normalize(instance.object_from_grid_x.xyz * n.x + instance.object_from_grid_y.xyz * n.y +
-                     instance.object_from_grid_z.xyz * n.z);
+    vec3 x = instance.grid_from_object_x.xyz, y = instance.grid_from_object_y.xyz, z = instance.grid_from_object_z.xyz;
+    vec3 turned = vec3(dot(cross(y, z), n), dot(cross(z, x), n), dot(cross(x, y), n));
+    return normalize(instance.mirrored != 0u ? -turned : turned);
 }

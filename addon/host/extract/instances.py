@@ -36,9 +36,9 @@ MOST_INSTANCES = 1 << 22
 #: Instances between two looks at whether to go on.
 _CHECK_INTERVAL = 1024
 
-#: An instance whose axes span less than this fraction of their box is flat: it has no inverse.
-_FLAT = 1e-12
-_FLATTENED = "its scale is 0 along an axis"
+#: An instance no wider than this fraction of its length is a line, or a point.
+_NARROW = 1e-12
+_NO_SURFACE = "its scale leaves it no surface"
 _NOT_FINITE = "its position, rotation or scale is not a usable number"
 
 
@@ -349,9 +349,11 @@ def _matrices(items: Any, count: int) -> tuple[DoubleArray, list[str]]:
     matrices = flat.reshape(count, 4, 4).transpose(0, 2, 1).astype(np.float64)  # Blender stores columns
     usable = _is_usable(matrices)
     axes = np.where(usable[:, None, None], matrices[:, :3, :3], np.eye(3))
-    box = np.prod(np.linalg.norm(axes, axis=1), axis=1)
-    flattened = np.abs(np.linalg.det(axes)) <= _FLAT * box
-    problems = np.where(usable, np.where(flattened, _FLATTENED, ""), _NOT_FINITE)
+    x, y, z = (axes[:, :, k] for k in range(3))
+    sides = np.stack([np.cross(y, z), np.cross(z, x), np.cross(x, y)])
+    widest = np.linalg.norm(sides, axis=2).max(axis=0)
+    has_surface = widest > _NARROW * np.square(np.linalg.norm(axes, axis=1).max(axis=1))
+    problems = np.where(usable, np.where(has_surface, "", _NO_SURFACE), _NOT_FINITE)
     return matrices, problems.tolist()
 
 
