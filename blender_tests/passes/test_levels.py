@@ -219,7 +219,10 @@ def test_the_same_scene_gives_the_same_bits_and_edits_start_again(gpu: GpuContex
         made = corridor(camera=scenes.camera(eye, (eye[0], 1.2, -0.5)))
         return dataclasses.replace(
             scenes.scene(
-                (room.meshes[0], room.materials[0]), (ball, greys[albedo], scenes.at(x, 0.6, -0.4)), lights=room.lights
+                (room.meshes[0], room.materials[0]),
+                (ball, greys[albedo], scenes.at(x, 0.6, -0.4)),
+                (ball, greys[albedo], scenes.at(2.5, 0.2, 0.1, 2.0)),
+                lights=room.lights,
             ),
             camera=made.camera,
         )
@@ -232,12 +235,13 @@ def test_the_same_scene_gives_the_same_bits_and_edits_start_again(gpu: GpuContex
             return ready.grid, ready.film.read("combined").tobytes()
 
     near, beside, away = (0.0, 0.0, 0.3), (0.05, 0.02, 0.3), (3.5, 0.0, 0.3)
-    first = scene(0.2, near)
+    first, moved = scene(0.2, near), scene(0.3, near)
+    painted = dataclasses.replace(moved, materials=scene(0.3, near, 0.2).materials)
     at, picture = fresh(first)
     assert fresh(first) == (at, picture)
     with pipeline(gpu, first, settings, size, samples=0, is_live=True) as live:
         for made, stays in (
-            (scene(0.3, near), True), (scene(0.3, near, 0.2), True), (scene(0.3, beside, 0.2), True),
+            (moved, True), (painted, True), (scene(0.3, beside, 0.2), True),
             (scene(0.3, away, 0.2), False),
         ):  # fmt: skip
             before = live.grid
