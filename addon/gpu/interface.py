@@ -53,6 +53,20 @@ GUIDE_TEXELS = (GUIDE_SIDE**2 - 1) // 3
 #: A face or a triangle that is not there.
 NONE_INDEX = 0xFFFFFFFF
 
+#: A list of triangles that is longer has boxes over runs of its entries (lib/cell_list.glsl).
+LONG_LIST = 32
+#: Entries in such a run, and boxes that a larger one holds.
+BOX_RUN = 8
+BOX_FAN = 8
+#: Room for boxes: so many for each sixteen entries of lists; a long list has no more.
+BOXES_PER_16 = 3
+
+#: Triangles of a cell up to which one thread sums them up: software rasterizers end its loops after 65536 rounds.
+CROWD = 4096
+#: Triangles that a thread sums up where there are more, and words of a crowded cell's sums (lib/crowd.glsl).
+CROWD_RUN = 256
+CROWD_WORDS = 64
+
 # Storage buffers. A compute shader may count on eight in GL 4.3. What inner loops read lies in textures instead:
 # software rasterizers fetch a texel five times faster than the same words of a buffer.
 BUFFERS = (
@@ -71,7 +85,7 @@ TEXTURES = (
     # (or, where instances share them, what lib/triangle.glsl says)
     "TEX_BRICKS",  # rgba32ui 3D: two words with a bit for each cell, number of the first cell, empty cubes
     "TEX_INSTANCES",  # rgba32ui list: Instance, several texels each
-    "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings
+    "TEX_CELLS",  # rgba32ui 2D list: first triangle, triangle count, first face, facings; then boxes over long lists
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
     "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells; rg32ui: where instances share them
     "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them
@@ -291,6 +305,13 @@ def prelude() -> str:
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
         "LIGHT_PICKS": LIGHT_PICKS,
         "CHANGED_BOXES": CHANGED_BOXES,
+        "LONG_LIST": f"{LONG_LIST}u",
+        "BOX_RUN": f"{BOX_RUN}u",
+        "BOX_FAN": f"{BOX_FAN}u",
+        "BOXES_PER_16": f"{BOXES_PER_16}u",
+        "CROWD": f"{CROWD}u",
+        "CROWD_RUN": f"{CROWD_RUN}u",
+        "CROWD_WORDS": f"{CROWD_WORDS}u",
         "EMITTER_UNITS": f"{EMITTER_UNITS}.0",
         "EMITTER_TEXELS": f"{EMITTER.texels}u",
     }

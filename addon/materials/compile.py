@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -103,27 +104,52 @@ def compile_materials(
     warnings: list[str] = []
     compiled = []
     for material in materials:
-        closure, messages = _material_closure(material, uv_layers)
-        try:
-            family, emitter, parameters = _emit_material(closure, max_textures)
-            messages += _left_out(_owner(material), emitter)
-        except (RecursionError, ArithmeticError, KeyError, TypeError, ValueError, IndexError) as error:
-            messages.append(_failure(_owner(material), error))
-            closure = _default_closure(material)
-            family, emitter, parameters = _emit_material(closure, max_textures)
-        warnings += [message for message in messages if message not in warnings]
+        read = frozenset(uv_layers), max_textures
+        found = _known.get(material)
+        if found is None or found[0] != read:
+            found = _known[material] = read, _compile(material, *read)
+        made = found[1]
+        warnings += [message for message in made.messages if message not in warnings]
         compiled.append(
             CompiledMaterial(
                 material.name,
-                families.setdefault(family, len(families)),
-                parameters,
-                _bindings(emitter, images),
-                tuple(emitter.uv_layers),
-                tuple(emitter.color_layers),
-                _least_roughness(closure),
+                families.setdefault(made.family, len(families)),
+                made.parameters,
+                _bindings(made.emitter, images),
+                tuple(made.emitter.uv_layers),
+                tuple(made.emitter.color_layers),
+                made.least_roughness,
             )
         )
     return CompiledMaterials(list(families), compiled, images, warnings)
+
+
+@dataclass(frozen=True, eq=False)
+class _Compiled:
+    """One material by itself."""
+
+    family: MaterialFamily
+    emitter: Emitter
+    parameters: FloatArray
+    messages: list[str]
+    least_roughness: float
+
+
+#: Materials that were compiled, for as long as they are used, and what they were compiled for: of a scene that is
+#: edited one material changes, and the others are the same objects.
+_known: WeakKeyDictionary[MaterialData, tuple[tuple[frozenset[str], int], _Compiled]] = WeakKeyDictionary()
+
+
+def _compile(material: MaterialData, uv_layers: Collection[str], max_textures: int) -> _Compiled:
+    closure, messages = _material_closure(material, uv_layers)
+    try:
+        family, emitter, parameters = _emit_material(closure, max_textures)
+        messages += _left_out(_owner(material), emitter)
+    except (RecursionError, ArithmeticError, KeyError, TypeError, ValueError, IndexError) as error:
+        messages.append(_failure(_owner(material), error))
+        closure = _default_closure(material)
+        family, emitter, parameters = _emit_material(closure, max_textures)
+    return _Compiled(family, emitter, parameters, messages, _least_roughness(closure))
 
 
 def _owner(material: MaterialData) -> str:

@@ -16,7 +16,10 @@ LEVELS = 5
 #: In the first pass: the error that sharing may bring, as a share of the light, and the radius (pixels) in which light
 #: is shared even where surfaces are near.
 TOLERANCE, LEAST_RADIUS = 0.5, 8.0
-#: Both shrink with this power of the number of passes, so that what sharing blurs vanishes as passes accumulate: noise
+#: In small pictures less far, as a share of their shorter side: light from both sides is shared or none, so pixels near
+#: an edge give more than they take, or less, and where light varies much the picture as a whole loses or gains.
+LEAST_SHARE = 1.0 / 6.0
+#: All shrink with this power of the number of passes, so that what sharing blurs vanishes as passes accumulate: noise
 #: falls as their square root, and needs sharing less and less. The idea is that of Hachisuka et al. 2008, "Progressive
 #: Photon Mapping".
 SHRINKING = 1.0 / 3.0
@@ -55,13 +58,14 @@ class ReconstructPass:
 
     def _step(self, frame: Frame, light: moderngl.Texture, index: int, step: int, level: int) -> Iterator[float]:
         shrunk = (1.0 + index) ** -SHRINKING
+        least_radius = min(LEAST_RADIUS, min(frame.size) * LEAST_SHARE)
         kernel = self.gpu.kernel("reconstruct", frame.defines | {"GLOSSY": self.glossy, "STEP": step})
 
         def bind() -> None:
             frame.bind(kernel)
             light.use(interface.slot("TEX_GATHERED"))
             self._pictures[1].bind_to_image(interface.slot("IMG_0"), read=False, write=True)
-            kernel.set(stride=1 << level, tolerance=TOLERANCE * shrunk, least_radius=LEAST_RADIUS * shrunk)
+            kernel.set(stride=1 << level, tolerance=TOLERANCE * shrunk, least_radius=least_radius * shrunk)
             if self.glossy:
                 kernel.set(specular_aperture=frame.settings.specular_aperture)
 

@@ -12,7 +12,7 @@ bits on every run.
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import accumulate
 from typing import Any
 
@@ -24,6 +24,7 @@ from ..gpu.context import GpuContext, Kernel
 from ..grid import VoxelGrid
 from ..scene import RayVisibility
 from .geometry import Geometry
+from .long_lists import LongLists, are_boxed, box_room
 from .materials import Batch, MaterialPass, MaterialSet
 from .taken_over import TakenOver
 from .voxel_numbers import (
@@ -84,6 +85,7 @@ class Voxels:
     triangles: moderngl.Texture
     cell_count: int
     pair_count: int  # triangles, counted once for each cell they enter
+    has_boxes: bool  # long lists of triangles do
 
     @property
     def faces(self) -> Faces:
@@ -93,8 +95,12 @@ class Voxels:
 
     @property
     def trace_defines(self) -> dict[str, object]:
-        defines = {"HAS_OPACITY": self.cell_opacities is not None, "HAS_INSTANCES": self.cell_triangles.components == 2}
-        return defines | self.grid.defines
+        return {
+            "HAS_OPACITY": self.cell_opacities is not None,
+            "HAS_INSTANCES": self.cell_triangles.components == 2,
+            "HAS_BOXES": self.has_boxes,
+            **self.grid.defines,
+        }
 
     @property
     def site_defines(self) -> dict[str, object]:
@@ -111,6 +117,8 @@ class Voxels:
         if self.cell_opacities is not None:
             self.cell_opacities.use(slot("TEX_CELL_OPACITIES"))
         kernel.set(**self.grid.uniforms)
+        if self.has_boxes:
+            kernel.set(box_first=self.cell_count)
 
 
 @dataclass
@@ -118,11 +126,14 @@ class Lists:
     """What is listed cell by cell before there are faces: list textures."""
 
     records: np.ndarray  # (cells, 4) uint32
-    cells: moderngl.Texture  # rgba32ui: records
+    cells: moderngl.Texture  # rgba32ui: records, and after them boxes
+    has_boxes: bool  # of long lists
     cursors: moderngl.Buffer  # next list entry of each cell; in the end, last words of their records
     triangles: moderngl.Texture  # r32ui, or rg32ui: lib/triangle.glsl
     opacities: moderngl.Texture | None  # r8
     parts: moderngl.Texture | None  # rgba32ui: what triangles bring to faces (lib/part.glsl)
+    crowded: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))  # cells of more triangles than CROWD
+    crowd_sums: moderngl.Buffer | None = None  # of them: lib/crowd.glsl
 
 
 class VoxelizePass:
@@ -276,9 +287,15 @@ class VoxelizePass:
             gpu.barrier()  # the lists are complete
             gpu.free(pairs)
             faces = None
-            if has_faces:
+            if has_faces or lists.has_boxes:
                 places = gpu.list_texture("voxel cell positions", len(positions), 1, "u4", positions)
                 self._temporary.append(places)
+        if lists.has_boxes:
+            unordered = ~taken.stays if taken and self.voxels is not None and self.voxels.has_boxes else counts > 0
+            for share in LongLists(gpu, geometry, lists, places, len(counts)).run(unordered):
+                yield 0.9 + 0.05 * share
+        with gpu.timed("voxelize"):
+            if has_faces:
                 self._cut_cells(geometry, lists, places, taken)
                 faces = self._resolve(geometry, lists, places, taken)
         self.voxels = Voxels(
@@ -291,6 +308,7 @@ class VoxelizePass:
             geometry.triangles,
             cell_count=len(counts),
             pair_count=int(counts.sum()),
+            has_boxes=lists.has_boxes,
         )
         self.made = len(counts) if taken is None else int((~taken.stays).sum())
         yield 1.0
@@ -407,19 +425,20 @@ class VoxelizePass:
         gpu = self.gpu
         records = cell_records(counts)
         pairs = int(counts.sum())
+        has_boxes = are_boxed(counts) and not geometry.grid.levels  # boxes are in cells of a single grid
         if len(records):
             cursors.write(np.ascontiguousarray(records[:, 0]))
         lists = Lists(
             records,
-            gpu.list_texture("cells", len(records), 4, "u4", records),
+            gpu.list_texture("cells", len(records) + (box_room(pairs) if has_boxes else 0), 4, "u4", records),
+            has_boxes,
             cursors,
             gpu.list_texture("cell triangles", pairs, 2 if geometry.has_instances else 1, "u4"),
             gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.lets_light_through else None,
             gpu.list_texture("voxel parts", pairs, 4, "u4") if has_faces else None,
         )
-        self._owned += [lists.triangles, lists.opacities]
+        self._owned += [lists.cells, lists.triangles, lists.opacities]
         self._temporary.append(lists.parts)
-        (self._temporary if has_faces else self._owned).append(lists.cells)  # faces are numbered anew
         return lists
 
     def _accumulate_kernel(
@@ -455,7 +474,8 @@ class VoxelizePass:
         gpu, slot = self.gpu, interface.slot
         count = len(lists.records)
         assert lists.parts is not None
-        kernel = gpu.kernel("voxel_cut", geometry.defines | {"IS_PART": taken is not None})
+        defines = {"HAS_BOXES": False, "IS_PART": taken is not None, "IS_CROWDED": False, "CROWD_STEP": 0}
+        kernel = gpu.kernel("voxel_cut", geometry.defines | defines)
         work_count = count
         if taken:
             cells = np.flatnonzero(~taken.stays).astype(np.uint32)
@@ -471,14 +491,31 @@ class VoxelizePass:
         positions.use(slot("TEX_CELL_POSITIONS"))
         lists.cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
         kernel.run_list(work_count)
+        crowded = lists.records[:, 1] > interface.CROWD
+        lists.crowded = np.flatnonzero(crowded & ~taken.stays if taken else crowded)
+        if len(lists.crowded):
+            self._cut_crowded_cells(geometry, lists)
         gpu.barrier()  # read back
         facings = np.frombuffer(lists.cursors.read(), np.uint32)[:count]
         if taken:
             facings = taken.completed(facings, taken.records[:, 3])
         number_faces(lists.records, facings)
-        gpu.free(lists.cells, lists.cursors)
-        lists.cells = gpu.list_texture("cells", count, 4, "u4", lists.records)
-        self._owned.append(lists.cells)
+        gpu.free(lists.cursors)
+        gpu.write_list(lists.cells, lists.records)
+
+    def _cut_crowded_cells(self, geometry: Geometry, lists: Lists) -> None:
+        """Those that have too many triangles for one thread. Everything is bound but their sums."""
+        gpu = self.gpu
+        lists.crowd_sums = gpu.buffer("voxel crowds", size=4 * interface.CROWD_WORDS * len(lists.crowded))
+        lists.crowd_sums.bind_to_storage_buffer(interface.slot("BUF_RESULTS"))
+        self._temporary.append(lists.crowd_sums)
+        for step in range(4):
+            defines = {"HAS_BOXES": False, "IS_PART": False, "IS_CROWDED": True, "CROWD_STEP": step}
+            kernel = gpu.kernel("voxel_cut", geometry.defines | defines)
+            for number, cell in enumerate(lists.crowded.tolist()):
+                kernel.set(**geometry.grid.level_uniforms, crowd=number, crowd_cell=cell)
+                kernel.run_list(-(-int(lists.records[cell, 1]) // interface.CROWD_RUN))
+            gpu.barrier()  # each step reads sums of the one before
 
     def _resolve(self, geometry: Geometry, lists: Lists, positions: moderngl.Texture, taken: TakenOver | None) -> Faces:
         gpu, slot = self.gpu, interface.slot
@@ -505,24 +542,37 @@ class VoxelizePass:
         if taken:
             self.numbers_before = taken.copy_faces(gpu, lists.records, faces)
             items, _ = cell_axes(np.where(taken.stays, np.uint32(0), facings))
-            listed = gpu.buffer("voxel work", items)
-            self._temporary.append(listed)
-        kernel = gpu.kernel("voxel_resolve", geometry.defines | {"HAS_SHADING_NORMALS": geometry.has_smooth_shading})
         longest = max(max(level.size) for level in geometry.grid.levels or (geometry.grid,))
         block = min(interface.BRICK, max(1, longest // LINE_BLOCKS))
-        kernel.set(**geometry.grid.level_uniforms, work_count=len(items), line_block=block)
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
         assert lists.parts is not None
         lists.parts.use(slot("TEX_PARTS"))
         positions.use(slot("TEX_CELL_POSITIONS"))
-        listed.bind_to_storage_buffer(slot("BUF_WORK"))
         faces.place.bind_to_image(slot("IMG_0"), read=False, write=True)
         faces.reflectance.bind_to_image(slot("IMG_1"), read=False, write=True)
         if faces.shading is not None:
             faces.shading.bind_to_image(slot("IMG_2"), read=False, write=True)
-        kernel.run_list(len(items))
+        defines = geometry.defines | {"HAS_SHADING_NORMALS": faces.shading is not None, "HAS_BOXES": lists.has_boxes}
+
+        def run(items: np.ndarray, **crowd: int) -> None:
+            if len(items):
+                work = gpu.buffer("voxel work", items)
+                self._temporary.append(work)
+                kernel = gpu.kernel("voxel_resolve", defines | {"IS_CROWDED": bool(crowd)})
+                kernel.set(**geometry.grid.uniforms, work_count=len(items), line_block=block, **crowd)
+                if lists.has_boxes:
+                    kernel.set(box_first=len(lists.records))
+                work.bind_to_storage_buffer(slot("BUF_WORK"))
+                kernel.run_list(len(items))
+
+        cells = items & 0x1FFFFFFF
+        run(items[~np.isin(cells, lists.crowded)] if len(lists.crowded) else items)
+        if lists.crowd_sums is not None:
+            lists.crowd_sums.bind_to_storage_buffer(slot("BUF_RESULTS"))
+        for number, cell in enumerate(lists.crowded.tolist()):
+            run(items[cells == cell], crowd=number)
         gpu.barrier()  # injection and links read the faces
         return faces
 

@@ -22,14 +22,15 @@ def shared(ready: Pipeline, light: np.ndarray, *, index: int = 0, glossy: bool =
     surface, features = ready._surface.pictures, ready.features
     assert surface is not None and features is not None
     frame = Frame(index, index, Gather(index, index), ready._camera, (0.5, 0.5), surface, features, ready._settings)
-    source = ready.gpu.texture("light", SIZE, 4, "f4")
+    height, width = light.shape[:2]
+    source = ready.gpu.texture("light", (width, height), 4, "f4")
     source.write(np.ascontiguousarray(light, np.float32).tobytes())
     sharing = ReconstructPass(ready.gpu, glossy=glossy)
     try:
         for _ in sharing.run(frame, source, index):
             pass
         assert sharing.shared is not None
-        return np.frombuffer(sharing.shared.read(), np.float32).reshape(SIZE[1], SIZE[0], 4)[..., :3].copy()
+        return np.frombuffer(sharing.shared.read(), np.float32).reshape(height, width, 4)[..., :3].copy()
     finally:
         sharing.release()
         ready.gpu.free(source)
@@ -72,6 +73,16 @@ def test_gradients_stay(gpu: GpuContext) -> None:
     ramp = np.broadcast_to(np.linspace(0.0, 1.0, SIZE[0], dtype=np.float32)[None, :, None], (SIZE[1], SIZE[0], 3))
     with pipeline(gpu, wall(), scenes.settings(16), SIZE, samples=1) as ready:
         np.testing.assert_allclose(shared(ready, picture(ramp, 0.0)), ramp, atol=1e-5)
+
+
+def test_small_pictures_keep_their_light(gpu: GpuContext) -> None:
+    """A peak in the middle of 8 x 8 pixels, near to walls: what it would give, pixels at the edges would not take."""
+    y, x = np.mgrid[:8, :8] - 3.5
+    light = np.full((8, 8, 4), 1.0, np.float32)
+    light[..., :3] = np.exp(-0.25 * (x * x + y * y))[..., None]
+    with pipeline(gpu, wall(), scenes.settings(16), (8, 8), samples=1) as ready:
+        found = shared(ready, light)
+    assert found.mean() == pytest.approx(light[..., :3].mean(), rel=0.03)
 
 
 def test_edges_stay(gpu: GpuContext) -> None:

@@ -129,6 +129,21 @@ CASES = {
     "area scaled": Case("AREA", SQUARE, P / (math.pi * 3) * area_at((2, 1.5)), scale=(2.0, 1.5, 1.0)),
     "area not normalized": Case("AREA", {**SQUARE, "size": 0.5, "normalize": False}, P / math.pi * area_at((0.5, 0.5))),
     "area from behind": Case("AREA", SQUARE, 0.0, target=(0, 0, 2 * D)),
+    "point wider than it is far": Case(
+        "POINT", {"energy": 1e6, "shadow_soft_size": 100.0},
+        1e6 / (math.pi * 4 * math.pi * 100.0**2) * disk_at(D, 100.0)),
+    "inside a sphere": Case(
+        "POINT", {"energy": 1e4, "shadow_soft_size": 5.0, "use_soft_falloff": False},
+        1e4 / (math.pi * 4 * math.pi * 5.0**2) * math.pi),
+    "disk wider than it is far": Case(
+        "AREA", {"energy": 1e6, "shape": "DISK", "size": 200.0},
+        1e6 / (math.pi * math.pi * 100.0**2) * disk_at(D, 100.0)),
+    "tube": Case(
+        "AREA", {"energy": P, "shape": "RECTANGLE", "size": 0.02, "size_y": 5.0},
+        P / (math.pi * 0.1) * area_at((0.02, 5.0))),
+    "ellipse wider than it is far": Case(
+        "AREA", {"energy": P, "shape": "ELLIPSE", "size": 12.0, "size_y": 3.0},
+        P / (math.pi * math.pi / 4 * 36.0) * area_at((12.0, 3.0), is_ellipse=True)),
     "area with spread": Case(
         "AREA", {**SQUARE, "spread": math.radians(60)}, P / math.pi * area_at((1, 1), spread=math.radians(60))),
     "area with narrow spread": Case(

@@ -75,7 +75,7 @@ def test_edits_redo_what_follows_from_them(viewport: dict[str, Any]) -> None:
     redone = {name: VOXEL_PASSES & passes(viewport, name) for name in viewport["viewport"]}
     assert redone["light"] == {"inject", "bounce"}
     assert "link" in redone["world"] and not {"geometry", "voxelize", "materials"} & redone["world"]
-    assert {"materials", "voxelize"} <= redone["material"]
+    assert redone["material"] == {"materials", "voxelize", "bounce"}
     assert {"geometry", "voxelize"} <= redone["move"] and "materials" not in redone["move"]
     assert not redone["settings"], "reflections at pixels are no matter of voxels"
 

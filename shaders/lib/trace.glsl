@@ -5,11 +5,8 @@
 // The including shader may define
 //     HAS_OPACITY  1: triangles carry an opacity for each cell, and let that share of the rays pass
 
-#include "lib/grid.glsl"
-#include "lib/triangle.glsl"
+#include "lib/cell_list.glsl"
 
-layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
-layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;  // entries: lib/triangle.glsl
 #if HAS_OPACITY
 layout(binding = TEX_CELL_OPACITIES) uniform sampler2D cell_opacities_tex;
 #endif
@@ -97,10 +94,13 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
 #endif
     bool inside = true;
     float t_exit = t;
+    vec3 along = mix(inverse, -inverse, turned);
+    vec3 slack = vec3(list_slack(origin));
     while (inside) {
         bool occupied = false;
         uvec4 brick = uvec4(0u);
         uint bit = 0u;
+        ivec3 listed = cell;  // whose triangles come next
         while (inside && !occupied) {
 #if LEVELS
             // Across the border of a level. Cells of the next hold eight of these, or are eight of what this one holds:
@@ -124,6 +124,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
             bit = brick_bit(at);
             uint word = bit < 32u ? brick.x : brick.y;
             occupied = (word >> (bit & 31u) & 1u) != 0u;
+            listed = at;
             // Bits of the block of 2x2x2 cells around this one.
             uint block = 0x00330033u << ((at.x & 2) + ((at.y & 2) << 2));
             int block_side = (word & block) == 0u ? 2 : 1;
@@ -152,38 +153,43 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         if (occupied) {
             record = texelFetch(cells_tex, list_texel(occupied_cell_index(brick, bit)), 0);
         }
-        uint next = record.x, end = record.x + record.y;
-        while (next < end) {
-            uvec2 entry = texelFetch(cell_triangles_tex, list_texel(next), 0).rg;
-            uvec3 words;
-            vec3 corner, e1, e2;
-            fetch_corners(entry, words, corner, e1, e2);
-            vec3 p = cross(direction, e2);
-            float determinant = dot(e1, p);
-            float f = 1.0 / determinant;
-            vec3 s = origin - corner;
-            float u = dot(s, p) * f;
-            vec3 q = cross(s, e1);
-            float v = dot(direction, q) * f;
-            float w = dot(e2, q) * f;
-            bool met = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && w > 0.0 && determinant != 0.0 &&
-                       (entry_flags(entry, words) & ray_mask) != 0u;
-            // Equal distances go to the lower number: the order of a cell's list must not show.
-            met = met && (w < hit.distance || (w == hit.distance && comes_before(entry, nearest)));
+        ListWalk walk = begin_list(record, origin - vec3(listed), along, slack);
+        do {
+            next_run(walk, hit.distance);
+            while (walk.next < walk.end) {
+                uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
+                uvec3 words;
+                vec3 corner, e1, e2;
+                fetch_corners(entry, words, corner, e1, e2);
+                vec3 p = cross(direction, e2);
+                float determinant = dot(e1, p);
+                float f = 1.0 / determinant;
+                vec3 s = origin - corner;
+                float u = dot(s, p) * f;
+                vec3 q = cross(s, e1);
+                float v = dot(direction, q) * f;
+                float w = dot(e2, q) * f;
+                bool met = u >= 0.0 && v >= 0.0 && u + v <= 1.0 && w > 0.0 && determinant != 0.0 &&
+                           (entry_flags(entry, words) & ray_mask) != 0u;
+                // Equal distances go to the lower number: the order of a cell's list must not show.
+                met = met && (w < hit.distance || (w == hit.distance && comes_before(entry, nearest)));
 #if HAS_OPACITY
-            if (met && w >= solid_distance) {
-                float opacity = texelFetch(cell_opacities_tex, list_texel(next), 0).r;
-                // One decision for a triangle and a ray, whichever cell asks.
-                met = opacity >= 1.0 || unit_float(hash(seed, triangle_number(entry))) < opacity;
-            }
+                if (met && w >= solid_distance) {
+                    float opacity = texelFetch(cell_opacities_tex, list_texel(walk.next), 0).r;
+                    // One decision for a triangle and a ray, whichever cell asks.
+                    met = opacity >= 1.0 || unit_float(hash(seed, triangle_number(entry))) < opacity;
+                }
 #endif
-            ++next;
-            if (met) {
-                hit.distance = w;
-                nearest = entry;
-                next = any_hit ? end : next;
+                ++walk.next;
+                if (met) {
+                    hit.distance = w;
+                    nearest = entry;
+                }
+                if (met && any_hit) {
+                    end_list(walk);
+                }
             }
-        }
+        } while (has_runs(walk));
         inside = inside && hit.distance > t_exit && !(any_hit && nearest.x != NONE_INDEX);
     }
     if (nearest.x != NONE_INDEX) {

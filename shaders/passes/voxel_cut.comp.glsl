@@ -3,16 +3,16 @@
 // sides of a thin wall, a picture and the wall behind it. A cell that holds such is cut in two by a plane across an
 // axis, and each side has faces of its own. A plane along a wall also tells on which side of it a point lies.
 // IS_PART: of a part of the cells.
+// IS_CROWDED: of one crowded cell, in steps (CROWD_STEP): three in which threads sum up runs of its list, each of which
+// needs what the one before found, and one in which a single thread does the rest.
 // Input: parts and triangles of cells.    Output: for each cell the last word of its record (lib/grid.glsl).
 
-#include "lib/grid.glsl"
-#include "lib/triangle.glsl"
+#include "lib/cell_list.glsl"
 #include "lib/part.glsl"
+#include "lib/crowd.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
-layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
 layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
 layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cells { uint cells[]; };
@@ -20,7 +20,11 @@ layout(std430, binding = BUF_COUNTS) buffer Cells { uint cells[]; };
 layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cells
 #endif
 
+#if IS_CROWDED
+uniform uint crowd_cell;
+#else
 uniform uint work_count;
+#endif
 
 // Areas in sides of cells. What is smaller is not worth faces of its own.
 const float LEAST_AREA = 0.3;
@@ -37,6 +41,232 @@ void bounds_inside(Triangle t, vec3 corner, out vec3 low, out vec3 high)
     high = clamp(a + max(vec3(0.0), max(t.edge_1, t.edge_2)), 0.0, 1.0);
 }
 
+// All ones for the axis of a facing.
+uvec3 axis_mask(uint facing)
+{
+    return uvec3(equal(uvec3(0u, 1u, 2u), uvec3(facing >> 1))) * 0xFFFFFFFFu;
+}
+
+// Area, and area x place along the axis, of the facings.
+struct Areas {
+    uvec3 plus, minus, plus_place, minus_place;
+    uint axes;  // that surfaces face, a bit each
+};
+
+Areas sum_areas(uint first, uint end)
+{
+    Areas sums = Areas(uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u), 0u);
+    for (uint k = first; k < end; ++k) {
+        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        uvec3 mask = axis_mask(part.facing);
+        bool is_minus = (part.facing & 1u) != 0u;
+        sums.plus += is_minus ? uvec3(0u) : part.area & mask;
+        sums.minus += is_minus ? part.area & mask : uvec3(0u);
+        sums.plus_place += is_minus ? uvec3(0u) : part.position & mask;
+        sums.minus_place += is_minus ? part.position & mask : uvec3(0u);
+        sums.axes |= 1u << (part.facing >> 1);
+    }
+    return sums;
+}
+
+struct Walls {
+    bool is_single;    // all surfaces face the same axis
+    bool may_be_cut;
+    vec3 plus_mean, minus_mean, middle;
+    vec3 gap;          // air: surfaces that face each other
+    vec3 place;        // of a wall across each axis
+    vec3 area;
+};
+
+Walls find_walls(Areas sums)
+{
+    Walls walls;
+    walls.is_single = bitCount(sums.axes) < 2;
+    walls.area = vec3(max(sums.plus, sums.minus)) / FIXED_ONE;
+    walls.plus_mean = vec3(sums.plus_place) / max(vec3(sums.plus), 1.0);
+    walls.minus_mean = vec3(sums.minus_place) / max(vec3(sums.minus), 1.0);
+    walls.gap = vec3(min(sums.plus, sums.minus)) * vec3(greaterThan(walls.minus_mean, walls.plus_mean)) / FIXED_ONE;
+    walls.may_be_cut = !walls.is_single || max_component(walls.gap) > LEAST_AREA ||
+                       max_component(walls.area) > 1.0 + LEAST_AREA;
+    // In the middle between their sides, where they have two.
+    walls.middle = 0.5 * (walls.plus_mean + walls.minus_mean);
+    walls.place = mix(walls.minus_mean, walls.plus_mean, greaterThanEqual(sums.plus, sums.minus));
+    for (int a = 0; a < 3; ++a) {
+        bool has_two = sums.plus[a] > 0u && sums.minus[a] > 0u && walls.minus_mean[a] < walls.plus_mean[a];
+        walls.place[a] = has_two ? walls.middle[a] : walls.place[a];
+    }
+    return walls;
+}
+
+// What lies beyond a wall in each axis, of the surfaces that face the other axes; and areas seen along the axes.
+struct Seen {
+    uvec3 beyond_x, beyond_y, beyond_z, plus, minus;
+};
+
+Seen sum_seen(uint first, uint end, vec3 wall, vec3 corner, int level)
+{
+    Seen seen = Seen(uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u));
+    for (uint k = first; k < end; ++k) {
+        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
+        uvec3 mask = axis_mask(part.facing);
+        vec3 low, high;
+        bounds_inside(t, corner, low, high);
+        vec3 share = clamp((high - wall) / max(high - low, 1e-6), 0.0, 1.0);
+        uvec3 area = uvec3(share * float(part.area) + 0.5);
+        seen.beyond_x += area.x & mask;
+        seen.beyond_y += area.y & mask;
+        seen.beyond_z += area.z & mask;
+        vec3 n = abs(normalize(cross(t.edge_1, t.edge_2)));
+        uvec3 across = uvec3(n * float(part.area)) & mask;
+        bool is_minus = (part.facing & 1u) != 0u;
+        seen.plus += is_minus ? uvec3(0u) : across;
+        seen.minus += is_minus ? across : uvec3(0u);
+    }
+    return seen;
+}
+
+struct Cut {
+    int axis;    // -1: none
+    uint units;  // where, in CUT_UNITS
+};
+
+Cut find_cut(Areas sums, Walls walls, Seen seen)
+{
+    uvec3 all = sums.plus + sums.minus;
+    uvec3 both_x = min(seen.beyond_x, all - min(all, seen.beyond_x));
+    uvec3 both_y = min(seen.beyond_y, all - min(all, seen.beyond_y));
+    uvec3 both_z = min(seen.beyond_z, all - min(all, seen.beyond_z));
+    vec3 divided = vec3(both_x.y + both_x.z, both_y.x + both_y.z, both_z.x + both_z.y) / FIXED_ONE;
+    // Layers: surfaces that face alike, one over the other, have more area than the cell's side.
+    vec3 layered = vec3(max(seen.plus, seen.minus)) / FIXED_ONE - 1.0;
+    vec3 between = mix(walls.minus_mean, walls.plus_mean, greaterThanEqual(seen.plus, seen.minus));
+
+    int cut = -1;
+    float place = 0.0;
+    float most = LEAST_AREA;
+    for (int a = 0; a < 3; ++a) {
+        float gain = min(divided[a], walls.area[a]);
+        float layers = walls.may_be_cut ? max(layered[a], walls.gap[a]) : 0.0;
+        if (max(gain, layers) > most) {
+            most = max(gain, layers);
+            cut = a;
+            place = gain >= layers ? walls.place[a] : (layered[a] >= walls.gap[a] ? between[a] : walls.middle[a]);
+        }
+    }
+    if (cut < 0 && !walls.is_single) {
+        most = WALL_AREA;
+        for (int a = 0; a < 3; ++a) {
+            if (walls.area[a] > most) {
+                most = walls.area[a];
+                cut = a;
+                place = walls.place[a];
+            }
+        }
+    }
+    return Cut(cut, uint(clamp(place, 0.0, 1.0) * CUT_UNITS + 0.5));
+}
+
+// Areas on the sides of a cut: surfaces that face along its axis lie where their middle is.
+struct Sides {
+    uvec3 near, far;
+};
+
+Sides sum_sides(uint first, uint end, Cut cut, vec3 corner, int level)
+{
+    Sides sides = Sides(uvec3(0u), uvec3(0u));
+    float place = float(cut.units) / CUT_UNITS;
+    for (uint k = first; k < end; ++k) {
+        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
+        uvec3 mask = axis_mask(part.facing);
+        vec3 low, high;
+        bounds_inside(t, corner, low, high);
+        float share = clamp((high[cut.axis] - place) / max(high[cut.axis] - low[cut.axis], 1e-6), 0.0, 1.0);
+        if (int(part.facing >> 1) == cut.axis) {
+            share = float(part.position[cut.axis]) > place * float(part.area) ? 1.0 : 0.0;
+        }
+        uint beyond = uint(share * float(part.area) + 0.5);
+        sides.far += beyond & mask;
+        sides.near += (part.area - min(part.area, beyond)) & mask;
+    }
+    return sides;
+}
+
+// The last word of the cell's record.
+uint facing_word(Areas sums, Cut cut, Sides sides)
+{
+    uint facings = 0u;
+    for (int a = 0; a < 3; ++a) {
+        uint least = min(uint(SIDE_AREA * FIXED_ONE), max(sides.near[a], sides.far[a]));
+        uint wanted = (sides.near[a] >= least ? 3u : 0u) | (sides.far[a] >= least ? 3u << 6 : 0u);
+        bool is_far = sides.near[a] == 0u && sides.far[a] > 0u;
+        wanted = cut.axis < 0 ? 3u : (is_far ? 3u << 6 : (sides.far[a] == 0u ? 3u : wanted));
+        facings |= (sums.axes >> a & 1u) != 0u ? wanted << 2 * a : 0u;
+    }
+    return facings | uint(cut.axis + 1) << 12 | cut.units << 14;
+}
+
+#if IS_CROWDED
+
+Areas crowd_areas()
+{
+    Areas sums;
+    for (uint a = 0u; a < 3u; ++a) {
+        FacingSums plus = crowd_facing(2u * a), minus = crowd_facing(2u * a + 1u);
+        sums.plus[a] = plus.area;
+        sums.minus[a] = minus.area;
+        sums.plus_place[a] = plus.position[a];
+        sums.minus_place[a] = minus.position[a];
+    }
+    sums.axes = crowd_sum(CROWD_AXES);
+    return sums;
+}
+
+void main()
+{
+    uint run = invocation_index();
+    uvec4 record = texelFetch(cells_tex, list_texel(crowd_cell), 0);
+    uint first = record.x + CROWD_RUN * run, end = min(first + CROWD_RUN, record.x + record.y);
+    if (first >= end) {
+        return;
+    }
+    ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(crowd_cell), 0).r);
+    int level = level_of_cell(cell);
+    vec3 corner = vec3(from_stack(cell, level));
+#if CROWD_STEP == 0
+    for (uint k = first; k < end; ++k) {
+        add_to_crowd(unpack_part(texelFetch(parts_tex, list_texel(k), 0)));
+    }
+#else
+    Areas sums = crowd_areas();
+    Walls walls = find_walls(sums);
+#if CROWD_STEP == 1
+    Seen seen = sum_seen(first, walls.may_be_cut ? end : first, walls.place, corner, level);
+    add_to_crowd(CROWD_CUT, seen.beyond_x);
+    add_to_crowd(CROWD_CUT + 3u, seen.beyond_y);
+    add_to_crowd(CROWD_CUT + 6u, seen.beyond_z);
+    add_to_crowd(CROWD_CUT + 9u, seen.plus);
+    add_to_crowd(CROWD_CUT + 12u, seen.minus);
+#else
+    Seen seen = Seen(crowd_sum3(CROWD_CUT), crowd_sum3(CROWD_CUT + 3u), crowd_sum3(CROWD_CUT + 6u),
+                     crowd_sum3(CROWD_CUT + 9u), crowd_sum3(CROWD_CUT + 12u));
+    Cut cut = find_cut(sums, walls, seen);
+#if CROWD_STEP == 2
+    Sides sides = sum_sides(first, cut.axis >= 0 ? end : first, cut, corner, level);
+    add_to_crowd(CROWD_CUT + 15u, sides.near);
+    add_to_crowd(CROWD_CUT + 18u, sides.far);
+#else
+    if (run == 0u) {
+        cells[crowd_cell] = facing_word(sums, cut, Sides(crowd_sum3(CROWD_CUT + 15u), crowd_sum3(CROWD_CUT + 18u)));
+    }
+#endif
+#endif
+#endif
+}
+
+#else
+
 void main()
 {
     uint number = invocation_index();
@@ -48,117 +278,17 @@ void main()
 #endif
     uvec4 record = texelFetch(cells_tex, list_texel(number), 0);
     uint first = record.x, end = record.x + record.y;
+    if (record.y > CROWD) {
+        return;
+    }
     ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(number), 0).r);
     int level = level_of_cell(cell);
     vec3 corner = vec3(from_stack(cell, level));
-
-    // Area, and area x place along the axis, of the facings.
-    uvec3 plus = uvec3(0u), minus = uvec3(0u), plus_place = uvec3(0u), minus_place = uvec3(0u);
-    uint axes = 0u;
-    for (uint k = first; k < end; ++k) {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        uvec3 mask = uvec3(equal(uvec3(0u, 1u, 2u), uvec3(part.facing >> 1))) * 0xFFFFFFFFu;
-        bool is_minus = (part.facing & 1u) != 0u;
-        plus += is_minus ? uvec3(0u) : part.area & mask;
-        minus += is_minus ? part.area & mask : uvec3(0u);
-        plus_place += is_minus ? uvec3(0u) : part.position & mask;
-        minus_place += is_minus ? part.position & mask : uvec3(0u);
-        axes |= 1u << (part.facing >> 1);
-    }
-    bool is_single = bitCount(axes) < 2;
-    uvec3 larger = max(plus, minus);
-    vec3 plus_mean = vec3(plus_place) / max(vec3(plus), 1.0);
-    vec3 minus_mean = vec3(minus_place) / max(vec3(minus), 1.0);
-    // Air: surfaces that face each other.
-    vec3 gap = vec3(min(plus, minus)) * vec3(greaterThan(minus_mean, plus_mean)) / FIXED_ONE;
-    bool may_be_cut =
-        !is_single || max_component(gap) > LEAST_AREA || max_component(vec3(larger) / FIXED_ONE) > 1.0 + LEAST_AREA;
-
-    // Walls: in the middle between their sides, where they have two.
-    vec3 middle = 0.5 * (plus_mean + minus_mean);
-    vec3 wall = mix(minus_mean, plus_mean, greaterThanEqual(plus, minus));
-    for (int a = 0; a < 3; ++a) {
-        bool has_two = plus[a] > 0u && minus[a] > 0u && minus_mean[a] < plus_mean[a];
-        wall[a] = has_two ? middle[a] : wall[a];
-    }
-    // What lies beyond a wall in each axis, of the surfaces that face the other axes; and areas seen along the axes.
-    uvec3 beyond_x = uvec3(0u), beyond_y = uvec3(0u), beyond_z = uvec3(0u);
-    uvec3 seen_plus = uvec3(0u), seen_minus = uvec3(0u);
-    for (uint k = first; k < (may_be_cut ? end : first); ++k) {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
-        uvec3 mask = uvec3(equal(uvec3(0u, 1u, 2u), uvec3(part.facing >> 1))) * 0xFFFFFFFFu;
-        vec3 low, high;
-        bounds_inside(t, corner, low, high);
-        vec3 share = clamp((high - wall) / max(high - low, 1e-6), 0.0, 1.0);
-        uvec3 area = uvec3(share * float(part.area) + 0.5);
-        beyond_x += area.x & mask;
-        beyond_y += area.y & mask;
-        beyond_z += area.z & mask;
-        vec3 n = abs(normalize(cross(t.edge_1, t.edge_2)));
-        uvec3 seen = uvec3(n * float(part.area)) & mask;
-        bool is_minus = (part.facing & 1u) != 0u;
-        seen_plus += is_minus ? uvec3(0u) : seen;
-        seen_minus += is_minus ? seen : uvec3(0u);
-    }
-    uvec3 all = plus + minus;
-    uvec3 both_x = min(beyond_x, all - min(all, beyond_x));
-    uvec3 both_y = min(beyond_y, all - min(all, beyond_y));
-    uvec3 both_z = min(beyond_z, all - min(all, beyond_z));
-    vec3 divided = vec3(both_x.y + both_x.z, both_y.x + both_y.z, both_z.x + both_z.y) / FIXED_ONE;
-    vec3 divider = vec3(larger) / FIXED_ONE;
-    // Layers: surfaces that face alike, one over the other, have more area than the cell's side.
-    uvec3 seen_more = max(seen_plus, seen_minus);
-    vec3 layered = vec3(seen_more) / FIXED_ONE - 1.0;
-    vec3 between = mix(minus_mean, plus_mean, greaterThanEqual(seen_plus, seen_minus));
-
-    int cut = -1;
-    float place = 0.0;
-    float most = LEAST_AREA;
-    for (int a = 0; a < 3; ++a) {
-        float gain = min(divided[a], divider[a]);
-        float layers = may_be_cut ? max(layered[a], gap[a]) : 0.0;
-        if (max(gain, layers) > most) {
-            most = max(gain, layers);
-            cut = a;
-            place = gain >= layers ? wall[a] : (layered[a] >= gap[a] ? between[a] : middle[a]);
-        }
-    }
-    if (cut < 0 && !is_single) {
-        most = WALL_AREA;
-        for (int a = 0; a < 3; ++a) {
-            if (divider[a] > most) {
-                most = divider[a];
-                cut = a;
-                place = wall[a];
-            }
-        }
-    }
-    uint units = uint(clamp(place, 0.0, 1.0) * CUT_UNITS + 0.5);
-    place = float(units) / CUT_UNITS;
-
-    // Areas on the sides: surfaces that face along the cut's axis lie where their middle is.
-    uvec3 near = uvec3(0u), far = uvec3(0u);
-    for (uint k = first; k < (cut >= 0 ? end : first); ++k) {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
-        uvec3 mask = uvec3(equal(uvec3(0u, 1u, 2u), uvec3(part.facing >> 1))) * 0xFFFFFFFFu;
-        vec3 low, high;
-        bounds_inside(t, corner, low, high);
-        float share = clamp((high[cut] - place) / max(high[cut] - low[cut], 1e-6), 0.0, 1.0);
-        if (int(part.facing >> 1) == cut) {
-            share = float(part.position[cut]) > place * float(part.area) ? 1.0 : 0.0;
-        }
-        uint beyond = uint(share * float(part.area) + 0.5);
-        far += beyond & mask;
-        near += (part.area - min(part.area, beyond)) & mask;
-    }
-    uint facings = 0u;
-    for (int a = 0; a < 3; ++a) {
-        uint least = min(uint(SIDE_AREA * FIXED_ONE), max(near[a], far[a]));
-        uint sides = (near[a] >= least ? 3u : 0u) | (far[a] >= least ? 3u << 6 : 0u);
-        sides = cut < 0 ? 3u : (near[a] == 0u && far[a] > 0u ? 3u << 6 : (far[a] == 0u ? 3u : sides));
-        facings |= (axes >> a & 1u) != 0u ? sides << 2 * a : 0u;
-    }
-    cells[number] = facings | uint(cut + 1) << 12 | units << 14;
+    Areas sums = sum_areas(first, end);
+    Walls walls = find_walls(sums);
+    Seen seen = sum_seen(first, walls.may_be_cut ? end : first, walls.place, corner, level);
+    Cut cut = find_cut(sums, walls, seen);
+    cells[number] = facing_word(sums, cut, sum_sides(first, cut.axis >= 0 ? end : first, cut, corner, level));
 }
+
+#endif

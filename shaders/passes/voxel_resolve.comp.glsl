@@ -1,22 +1,21 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // From parts to faces: sums and means, and the point of the surface that each face stands for. One thread for each axis
 // that a cell has faces on. Sums are integers: the order of a cell's list cannot show.
+// IS_CROWDED: of a crowded cell, whose parts are summed up already (lib/crowd.glsl).
 // Input: parts and triangles of cells, cells with their positions. HAS_SHADING_NORMALS: meshes' corners.
 // Output: place_img, reflectance_img and, where there are some, shading_img of the faces.
 
-#include "lib/grid.glsl"
-#include "lib/triangle.glsl"
+#include "lib/cell_list.glsl"
 #include "lib/face.glsl"
 #include "lib/face_work.glsl"
 #include "lib/part.glsl"
+#include "lib/crowd.glsl"
 #if HAS_SHADING_NORMALS
 #include "lib/shading_normal.glsl"
 #endif
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
-layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
 layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
 layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
@@ -28,12 +27,6 @@ layout(binding = IMG_2, r32ui) writeonly uniform uimage2D shading_img;
 uniform uint work_count;
 uniform uint line_block;     // cells on a side of the blocks in which all lines are alike
 
-struct Sums {
-    uint area;
-    uvec3 reflectance;
-    uvec3 position;
-};
-
 struct Face {
     vec3 position;
     vec3 normal;
@@ -43,8 +36,15 @@ struct Face {
 #endif
 };
 
+#if IS_CROWDED
+void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minus)
+{
+    plus = crowd_facing(2u * axis);
+    minus = crowd_facing(2u * axis + 1u);
+}
+#else
 // Add a part where `mask` is all ones, nothing where it is 0.
-void add_part(inout Sums sums, Part part, uint mask)
+void add_part(inout FacingSums sums, Part part, uint mask)
 {
     sums.area += part.area & mask;
     sums.reflectance += part.reflectance & mask;
@@ -52,10 +52,10 @@ void add_part(inout Sums sums, Part part, uint mask)
 }
 
 // What the surfaces of a cell bring to the two facings of an axis.
-void sum_parts(uvec4 record, uint axis, out Sums plus, out Sums minus)
+void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minus)
 {
-    plus = Sums(0u, uvec3(0u), uvec3(0u));
-    minus = plus;
+    plus = NO_SUMS;
+    minus = NO_SUMS;
     for (uint k = record.x; k < record.x + record.y; ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
         uint to_plus = part.facing == 2u * axis ? 0xFFFFFFFFu : 0u;
@@ -64,9 +64,10 @@ void sum_parts(uvec4 record, uint axis, out Sums plus, out Sums minus)
         add_part(minus, part, to_minus);
     }
 }
+#endif
 
 // What the surfaces that face this way bring; of no use when there are none.
-Face mean_face(Sums sums, uint facing, vec3 corner)
+Face mean_face(FacingSums sums, uint facing, vec3 corner)
 {
     Face result;
     float total = float(sums.area);
@@ -170,6 +171,16 @@ vec3 point_of_box(uvec3 c, uint k, vec3 low, vec3 high)
     return mix(low, high, vec3(unit_float(point.x), unit_float(point.y), unit_float(point.z)));
 }
 
+// The way of all lines along an axis between two points, low and high, through a cell's list.
+ListWalk begin_lines(uvec4 record, vec3 low, vec3 high, vec3 corner, int axis)
+{
+    vec3 along = mix(vec3(0.0), vec3(1.0), equal(ivec3(axis), ivec3(0, 1, 2)));
+    vec3 inverse = 1.0 / max(along, 1e-12);
+    vec3 middle = 0.5 * (low + high) - 2.0 * along;  // before all that the cell holds
+    vec3 slack = list_slack(middle) + 0.5 * (high - low);
+    return begin_list(record, middle - corner, inverse, slack);
+}
+
 const Outermost NOTHING = Outermost(true, -1e30, NONE_INDEX, 0u);
 // Lines tried in cells where both sides have faces along them.
 const uint SHARED_LINES = 2u;
@@ -189,16 +200,20 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
     for (uint line = 0u; line < lines; ++line) {
         vec3 start = point_of_box(uvec3(cell) / line_block, line, low, high);
         Outermost top = NOTHING, bottom = NOTHING;
-        for (uint k = record.x; k < record.x + record.y; ++k) {
-            uvec2 entry = texelFetch(cell_triangles_tex, list_texel(k), 0).rg;
-            uint index = triangle_number(entry);
-            Triangle t = in_level(fetch_listed(entry), level);
-            vec3 n = cross(t.edge_1, t.edge_2);
-            float distance;
-            bool met = dominant_axis(n) == axis && meets(start, direction, t, column_low, column_high, distance);
-            consider(top, met, n[axis] < 0.0, distance, index, k);
-            consider(bottom, met, n[axis] > 0.0, -distance, index, k);
-        }
+        ListWalk walk = begin_lines(record, start, start, corner, axis);
+        do {
+            next_run(walk, 1e30);
+            for (; walk.next < walk.end; ++walk.next) {
+                uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
+                uint index = triangle_number(entry);
+                Triangle t = in_level(fetch_listed(entry), level);
+                vec3 n = cross(t.edge_1, t.edge_2);
+                float distance;
+                bool met = dominant_axis(n) == axis && meets(start, direction, t, column_low, column_high, distance);
+                consider(top, met, n[axis] < 0.0, distance, index, walk.next);
+                consider(bottom, met, n[axis] > 0.0, -distance, index, walk.next);
+            }
+        } while (has_runs(walk));
         if (lies_between(top, start, direction, low, high) && above.faces_away &&
             (above.triangle == NONE_INDEX || !top.faces_away)) {
             above = top;
@@ -215,19 +230,25 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
     vec3 another = point_of_box(uvec3(cell) / line_block, SHARED_LINES, low, high);
     plus_start = !misses_plus ? plus_start : (is_shared ? another : plus.position);
     minus_start = !misses_minus ? minus_start : (is_shared ? another : minus.position);
-    uint end = misses_plus || misses_minus ? record.x + record.y : record.x;
-    for (uint k = record.x; k < end; ++k) {
-        uvec2 entry = texelFetch(cell_triangles_tex, list_texel(k), 0).rg;
-        uint index = triangle_number(entry);
-        Triangle t = in_level(fetch_listed(entry), level);
-        vec3 n = cross(t.edge_1, t.edge_2);
-        bool is_ours = dominant_axis(n) == axis;
-        float distance;
-        bool met = is_ours && misses_plus && meets(plus_start, direction, t, low, high, distance);
-        consider(above, met, n[axis] < 0.0, distance, index, k);
-        met = is_ours && misses_minus && meets(minus_start, direction, t, low, high, distance);
-        consider(below, met, n[axis] > 0.0, -distance, index, k);
-    }
+    // One walk for all lines between the two.
+    record.y = misses_plus || misses_minus ? record.y : 0u;
+    vec3 one = misses_plus ? plus_start : minus_start, other = misses_minus ? minus_start : plus_start;
+    ListWalk walk = begin_lines(record, min(one, other), max(one, other), corner, axis);
+    do {
+        next_run(walk, 1e30);
+        for (; walk.next < walk.end; ++walk.next) {
+            uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
+            uint index = triangle_number(entry);
+            Triangle t = in_level(fetch_listed(entry), level);
+            vec3 n = cross(t.edge_1, t.edge_2);
+            bool is_ours = dominant_axis(n) == axis;
+            float distance;
+            bool met = is_ours && misses_plus && meets(plus_start, direction, t, low, high, distance);
+            consider(above, met, n[axis] < 0.0, distance, index, walk.next);
+            met = is_ours && misses_minus && meets(minus_start, direction, t, low, high, distance);
+            consider(below, met, n[axis] > 0.0, -distance, index, walk.next);
+        }
+    } while (has_runs(walk));
     move_to(plus, plus_start, above, is_shared, level);
     move_to(minus, minus_start, below, is_shared, level);
 }
@@ -265,9 +286,10 @@ void main()
         high[cut] = side == 0u ? place : high[cut];
     }
     bool is_shared = (record.w >> (6u * (1u - side) + 2u * axis) & 1u) != 0u;
-    Sums plus, minus;
-    // Not inside the wall that the cell is cut along.
-    sum_parts(is_shared && cut != int(axis) ? record : uvec4(0u), uint(max(cut, 0)), plus, minus);
+    FacingSums plus = NO_SUMS, minus = NO_SUMS;
+    if (is_shared && cut != int(axis)) {  // not inside the wall that the cell is cut along
+        sum_parts(record, uint(max(cut, 0)), plus, minus);
+    }
     if (side == 1u && plus.area > 0u) {
         low[cut] = max(low[cut], corner[cut] + float(plus.position[cut]) / float(plus.area));
     } else if (side == 0u && minus.area > 0u) {

@@ -26,7 +26,7 @@ class Case:
     ``offset``, ``scale``: where the scene lies and how large it is; it is moved there last.
     ``samples``, ``cycles_samples``: passes of the picture, and of Cycles'.
     ``reason``: why a bound is not tighter, or why there are more samples.
-    ``missed``: checks that do not hold yet, and why; ``by_chance``: some of them do now and then.
+    ``missed``: checks that do not hold yet, and why.
     ``skipped``: checks that mean nothing for this case, and why.
     """
 
@@ -47,7 +47,6 @@ class Case:
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     scale: float = 1.0
     missed: Mapping[str, str] = field(default_factory=dict)
-    by_chance: bool = False
     skipped: Mapping[str, str] = field(default_factory=dict)
 
     @property
