@@ -25,7 +25,7 @@ uint find_face(uint index, ivec3 cell, vec3 n, vec3 position, bool any_side)
         return NONE_INDEX;
     }
     int axis = cut_axis(record);
-    vec3 inside = position - vec3(cell);
+    vec3 inside = place_in_cell(position, cell);
     float along = axis == 0 ? inside.x : (axis == 1 ? inside.y : inside.z);
     uint bit = axis >= 0 && along > cut_place(record) ? facing + 6u : facing;
     if ((record.w >> bit & 1u) == 0u) {
@@ -43,13 +43,13 @@ uint find_face(uint index, ivec3 cell, vec3 n, vec3 position, bool any_side)
 uint face_at_hit(vec3 position, Hit hit, uint seed)
 {
     vec3 random = unit_vec3(seed);
-    vec3 shift = random - 0.5;
+    vec3 shift = (random - 0.5) * cell_side(position);
     vec3 moved = position + shift - hit.normal * dot(shift, hit.normal);
-    ivec3 cell = ivec3(floor(moved));
+    ivec3 cell = cell_at(moved);
     uint index = cell_index(cell);
     uint face = index == NONE_INDEX ? NONE_INDEX : find_face(index, cell, hit.normal, position, false);
     if (face == NONE_INDEX) {
-        cell = ivec3(floor(position));
+        cell = cell_at(position);
         index = cell_index(cell);
         if (index == NONE_INDEX) {
             cell = hit.cell;

@@ -108,9 +108,9 @@ bool meets(vec3 start, vec3 direction, Triangle t, vec3 low, vec3 high, out floa
 
 #if HAS_SHADING_NORMALS
 // Of triangle `index` at the face's place: the mean over its part of the cell, where that is all there is.
-vec3 shading_normal(Face face, uint index)
+vec3 shading_normal(Face face, uint index, int level)
 {
-    Triangle t = fetch_triangle(index);
+    Triangle t = in_level(fetch_triangle(index), level);
     Instance instance = fetch_instance(instances_tex, t.instance);
     vec2 barycentric;
     float distance;
@@ -123,10 +123,10 @@ vec3 shading_normal(Face face, uint index)
 }
 #endif
 
-void move_to(inout Face face, vec3 start, Outermost outermost, bool is_shared)
+void move_to(inout Face face, vec3 start, Outermost outermost, bool is_shared, int level)
 {
     if (outermost.triangle != NONE_INDEX) {
-        Triangle t = fetch_triangle(outermost.triangle);
+        Triangle t = in_level(fetch_triangle(outermost.triangle), level);
         vec3 n = normalize(cross(t.edge_1, t.edge_2));
         face.position = start + face.normal * outermost.height;
         face.normal = dot(n, face.normal) < 0.0 ? -n : n;
@@ -138,7 +138,7 @@ void move_to(inout Face face, vec3 start, Outermost outermost, bool is_shared)
 #if HAS_SHADING_NORMALS
     face.shading_normal = face.normal;
     if (outermost.triangle != NONE_INDEX) {
-        face.shading_normal = shading_normal(face, outermost.triangle);
+        face.shading_normal = shading_normal(face, outermost.triangle, level);
     }
 #endif
 }
@@ -188,8 +188,8 @@ const uint SHARED_LINES = 2u;
 // A face stands for a point where a line along its axis meets its outermost surface: the mean of curved or layered
 // surfaces lies inside them. Lines of neighbouring blocks of cells are spread evenly, so that edges of shadows are where
 // they are, on average over cells. What another side's surface covers is not outermost.
-void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, vec3 corner, vec3 low, vec3 high,
-                   bool is_shared)
+void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ivec3 cell, int level, vec3 corner,
+                   vec3 low, vec3 high, bool is_shared)
 {
     vec3 direction = plus.normal;
     vec3 column_low = mix(low, corner, abs(direction));
@@ -198,7 +198,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
     vec3 plus_start = vec3(0.0), minus_start = vec3(0.0);
     uint lines = is_shared ? SHARED_LINES : 1u;
     for (uint line = 0u; line < lines; ++line) {
-        vec3 start = point_of_box(uvec3(corner) / line_block, line, low, high);
+        vec3 start = point_of_box(uvec3(cell) / line_block, line, low, high);
         Outermost top = NOTHING, bottom = NOTHING;
         ListWalk walk = begin_lines(record, start, start, corner, axis);
         do {
@@ -206,7 +206,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
             for (; walk.next < walk.end; ++walk.next) {
                 uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
                 uint index = triangle_number(entry);
-                Triangle t = fetch_listed(entry);
+                Triangle t = in_level(fetch_listed(entry), level);
                 vec3 n = cross(t.edge_1, t.edge_2);
                 float distance;
                 bool met = dominant_axis(n) == axis && meets(start, direction, t, column_low, column_high, distance);
@@ -227,7 +227,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
     }
     // Where the lines miss, one through the mean; on a side, which has no mean of its own, another line.
     bool misses_plus = above.triangle == NONE_INDEX, misses_minus = below.triangle == NONE_INDEX;
-    vec3 another = point_of_box(uvec3(corner) / line_block, SHARED_LINES, low, high);
+    vec3 another = point_of_box(uvec3(cell) / line_block, SHARED_LINES, low, high);
     plus_start = !misses_plus ? plus_start : (is_shared ? another : plus.position);
     minus_start = !misses_minus ? minus_start : (is_shared ? another : minus.position);
     // One walk for all lines between the two.
@@ -239,7 +239,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
         for (; walk.next < walk.end; ++walk.next) {
             uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
             uint index = triangle_number(entry);
-            Triangle t = fetch_listed(entry);
+            Triangle t = in_level(fetch_listed(entry), level);
             vec3 n = cross(t.edge_1, t.edge_2);
             bool is_ours = dominant_axis(n) == axis;
             float distance;
@@ -249,12 +249,14 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
             consider(below, met, n[axis] > 0.0, -distance, index, walk.next);
         }
     } while (has_runs(walk));
-    move_to(plus, plus_start, above, is_shared);
-    move_to(minus, minus_start, below, is_shared);
+    move_to(plus, plus_start, above, is_shared, level);
+    move_to(minus, minus_start, below, is_shared, level);
 }
 
-void store(uint index, Face face)
+// `level`: whose cells its position is in.
+void store(uint index, Face face, int level)
 {
+    face.position *= level_side(level);
 #if HAS_SHADING_NORMALS
     imageStore(shading_img, list_texel(index), uvec4(packSnorm2x16(octahedral_encode(face.shading_normal))));
 #endif
@@ -273,7 +275,9 @@ void main()
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
     uint first = face_index(record, 6u * side + 2u * axis);
 
-    vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r));
+    ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r);
+    int level = level_of_cell(cell);
+    vec3 corner = vec3(from_stack(cell, level));
     vec3 low = corner, high = corner + 1.0;
     int cut = cut_axis(record);
     if (cut >= 0) {
@@ -297,7 +301,7 @@ void main()
     }
     Face front = mean_face(plus, 2u * axis, corner);
     Face back = mean_face(minus, 2u * axis + 1u, corner);
-    find_surfaces(front, back, record, int(axis), corner, low, high, is_shared);
+    find_surfaces(front, back, record, int(axis), cell, level, corner, low, high, is_shared);
     // The side that nothing was made for is the back of a sheet: the same surface, turned over.
     if (plus.area == 0u) {
         front = turned_over(back);
@@ -308,6 +312,6 @@ void main()
         front.reflectance.a *= sqrt(0.5);
         back.reflectance.a *= sqrt(0.5);
     }
-    store(first, front);
-    store(first + 1u, back);
+    store(first, front, level);
+    store(first + 1u, back, level);
 }
