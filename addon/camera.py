@@ -57,7 +57,7 @@ class CameraRays:
             direction = (rotation @ np.array([0.0, 0.0, -1.0]), zero, zero)
         clip_from_grid = clip_from_camera @ np.linalg.inv(grid_from_camera)
         forward = rotation @ np.array([0.0, 0.0, -1.0])
-        corners = np.array(np.meshgrid(*[(0.0, float(side)) for side in grid.size])).reshape(3, -1).T
+        corners = np.array(np.meshgrid(*grid.box.T)).reshape(3, -1).T
         depths = (corners - eye) @ forward
         nearest, farthest = float(depths.min()), float(depths.max())
         if camera.kind is CameraKind.PERSPECTIVE:

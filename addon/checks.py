@@ -92,7 +92,8 @@ def check_geometry(geometry: Geometry) -> None:
         corners = parts.astype(np.float64)
         corners[:, 1:] += corners[:, :1]
     expect("geometry", "triangles (triangle, corner, axis)", corners, np.isfinite(corners), "is not finite")
-    inside = (corners >= -OUTSIDE) & (corners <= np.array(geometry.grid.size) + OUTSIDE)
+    low, high = geometry.grid.box
+    inside = (corners >= low - OUTSIDE) & (corners <= high + OUTSIDE)
     expect("geometry", "triangles (triangle, corner, axis)", corners, inside, "is outside the grid")
 
 
@@ -147,7 +148,8 @@ def _check_faces(voxels: Voxels, records: np.ndarray) -> None:
     expect_equal(name, "order of faces", order, np.arange(faces.count), "is listed twice, or in place of another")
     place = np.ascontiguousarray(read_words(faces.place, faces.count)[:, :3]).view(np.float32)
     expect(name, "places of faces", place, np.isfinite(place), "is not finite")
-    inside = (place >= -1.0) & (place <= np.array(voxels.grid.size) + 1.0)
+    low, high = voxels.grid.box
+    inside = (place >= low - 1.0) & (place <= high + 1.0)
     expect(name, "places of faces", place, inside, "is outside the grid")
 
 

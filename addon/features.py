@@ -58,6 +58,7 @@ class Features:
     reflects_emission: bool
     keeps_light: bool  # passes or frames take over diffuse light at pixels from those before
     keeps_reflections: bool  # and reflections
+    has_levels: bool  # of voxels, nested around the camera
 
     @classmethod
     def from_scene(
@@ -75,10 +76,12 @@ class Features:
         transmission: bool,
         world: bool,
         concentrated_world: bool,
+        levels: bool = False,
     ) -> Features:
         """``smooth_shading``: what the meshes have, ``diffuse`` ... ``world``: the compiled materials and the world.
         ``small_emitters``: points on emitters find more than rays do. ``least_roughness``: of what is glossy.
-        ``concentrated_world``: directions drawn by the world's light find more than rays do."""
+        ``concentrated_world``: directions drawn by the world's light find more than rays do.
+        ``levels``: the grid is nested."""
         has_geometry = any(len(scene.meshes[i.mesh].triangle_vertices) for i in scene.instances)
         lit = bool(scene.lights) or emission or world
         occlusion = settings.gather_mode == "OCCLUSION"
@@ -144,6 +147,7 @@ class Features:
             reflects_emission=reflects_emission,
             keeps_light=gather and keeps,
             keeps_reflections=glossy and keeps,
+            has_levels=levels,
         )
 
     @property

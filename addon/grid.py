@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -34,15 +35,33 @@ FINEST = 1024
 
 
 @dataclass(frozen=True)
+class Level:
+    """A box of a nested grid, in cells of its own, which are 2^k times as wide as those of level 0."""
+
+    first: tuple[int, int, int]  # its lowest cell, counted from the origin of grid space; multiples of 2 BRICK
+    end: tuple[int, int, int]  # beyond its highest; multiples of 2 BRICK
+    layer: int  # of the stack of all levels' cells: z of its lowest
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        x, y, z = (end - first for first, end in zip(self.first, self.end, strict=True))
+        return x, y, z
+
+
+@dataclass(frozen=True)
 class VoxelGrid:
     """A box of cubic cells with the axes of the world.
 
     ``position_grid = (position_ws - origin) / cell_size``, in float64 on the CPU: the origin can be far away.
+
+    Or nested levels (lib/level.glsl), finest first: boxes of cells twice as wide as those before, each around the one
+    before, that are stacked along z. A place belongs to the finest level whose box holds it.
     """
 
-    origin: tuple[float, float, float]  # world metres, corner of cell (0, 0, 0)
-    cell_size: float  # metres
-    size: tuple[int, int, int]  # cells, multiples of BRICK
+    origin: tuple[float, float, float]  # world metres, corner of cell (0, 0, 0); of levels: what they lie around
+    cell_size: float  # metres; of levels: of the finest
+    size: tuple[int, int, int]  # cells, multiples of BRICK; of levels: of the stack
+    levels: tuple[Level, ...] = ()  # none: a single grid
 
     @property
     def bricks(self) -> tuple[int, int, int]:
@@ -55,6 +74,39 @@ class VoxelGrid:
         matrix[:3, 3] = -np.asarray(self.origin) / self.cell_size
         matrix[3, 3] = 1.0
         return matrix
+
+    @property
+    def box(self) -> DoubleArray:
+        """(2, 3) what the grid covers, grid space."""
+        if not self.levels:
+            return np.array([[0.0] * 3, self.size])
+        side = 1 << (len(self.levels) - 1)
+        return np.array([self.levels[-1].first, self.levels[-1].end], np.float64) * side
+
+    @property
+    def defines(self) -> dict[str, object]:
+        """For lib/level.glsl."""
+        return {"LEVELS": len(self.levels)}
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """For lib/grid.glsl."""
+        return {"grid_size": self.size} | self.level_uniforms
+
+    @property
+    def level_uniforms(self) -> dict[str, Any]:
+        """For lib/level.glsl."""
+        if not self.levels:
+            return {}
+        return {
+            "level_first": [(*level.first, level.layer) for level in self.levels],
+            "level_end": [level.end for level in self.levels],
+        }
+
+    @property
+    def position_bits(self) -> tuple[int, int]:
+        """Bits of x and y where positions of cells are packed (lib/part.glsl); the rest is for z."""
+        return (9, 9) if self.levels else (11, 11)
 
     @classmethod
     def around(cls, bounds: DoubleArray, resolution: int) -> VoxelGrid:
@@ -74,7 +126,7 @@ class VoxelGrid:
         )
 
 
-def _instances_by_mesh(scene: SceneData) -> Iterator[tuple[MeshData, DoubleArray]]:
+def instances_by_mesh(scene: SceneData) -> Iterator[tuple[MeshData, DoubleArray]]:
     """Each mesh that has triangles, with (K, 4, 4) world_from_object of its instances."""
     if not scene.instances:
         return
@@ -87,17 +139,20 @@ def _instances_by_mesh(scene: SceneData) -> Iterator[tuple[MeshData, DoubleArray
             yield mesh, matrices[members]
 
 
+def placed_boxes(mesh: MeshData, matrices: DoubleArray) -> DoubleArray:
+    """(K, 2, 3) world metres around each instance of a mesh. ``matrices``: (K, 4, 4) world_from_object."""
+    box = mesh.bounds
+    corners = np.array([[box[i][0], box[j][1], box[k][2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    points = (corners @ matrices.transpose(0, 2, 1))[:, :, :3]
+    return np.stack([points.min(axis=1), points.max(axis=1)], axis=1)
+
+
 def scene_bounds(scene: SceneData) -> DoubleArray | None:
     """(2, 3) world metres around all instances, or None when nothing has a triangle."""
-    boxes = []
-    for mesh, matrices in _instances_by_mesh(scene):
-        box = mesh.bounds
-        corners = np.array([[box[i][0], box[j][1], box[k][2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-        points = (corners @ matrices.transpose(0, 2, 1))[:, :, :3]
-        boxes.append([points.min(axis=(0, 1)), points.max(axis=(0, 1))])
+    boxes = [placed_boxes(mesh, matrices) for mesh, matrices in instances_by_mesh(scene)]
     if not boxes:
         return None
-    everything = np.array(boxes)
+    everything = np.concatenate(boxes)
     return np.array([everything[:, 0].min(axis=0), everything[:, 1].max(axis=0)])
 
 
@@ -116,15 +171,20 @@ class SurfaceMeasure:
         return BYTES_PER_PAIR + (BYTES_PER_INSTANCE_PAIR if self.is_shared else 0)
 
 
+def mean_scales(matrices: DoubleArray) -> DoubleArray:
+    """(K,) by how much each of ``matrices`` (K, 4, 4) scales lengths, on average."""
+    axes = matrices[:, :3, :3]
+    volumes = np.abs(np.linalg.det(axes))
+    # A scale of 0 leaves no volume: what is turned all ways keeps half of its surface in the plane.
+    sides = np.linalg.norm(np.cross(axes[:, [1, 2, 0]], axes[:, [2, 0, 1]]), axis=(1, 2))
+    return np.where(volumes > 1e-6 * sides**1.5, volumes ** (1.0 / 3.0), np.sqrt(0.5 * sides))
+
+
 def measure_surfaces(scene: SceneData) -> SurfaceMeasure:
     """Decides how many cells are occupied, and how long their lists are."""
     area, perimeter, triangles = 0.0, 0.0, 0
-    for mesh, matrices in _instances_by_mesh(scene):
-        axes = matrices[:, :3, :3]
-        volumes = np.abs(np.linalg.det(axes))
-        # A scale of 0 leaves no volume: what is turned all ways keeps half of its surface in the plane.
-        sides = np.linalg.norm(np.cross(axes[:, [1, 2, 0]], axes[:, [2, 0, 1]]), axis=(1, 2))
-        scales = np.where(volumes > 1e-6 * sides**1.5, volumes ** (1.0 / 3.0), np.sqrt(0.5 * sides))
+    for mesh, matrices in instances_by_mesh(scene):
+        scales = mean_scales(matrices)
         area += mesh.area_and_perimeter[0] * float(np.square(scales).sum())
         perimeter += mesh.area_and_perimeter[1] * float(scales.sum())
         triangles += len(mesh.triangle_vertices) * len(matrices)
@@ -147,21 +207,35 @@ def estimate_memory(
     cell = longest / resolution
     sides = [max(1.0, side / cell) for side in extent]
     dense = sides[0] * sides[1] * sides[2]
+    cells, pairs = cells_and_pairs(surfaces, cell, dense)
+    return bytes_of(dense / BRICK**3, cells, pairs * surfaces.bytes_per_pair, bounce_rays)
+
+
+def cells_and_pairs(surfaces: SurfaceMeasure, cell: float, dense: float) -> tuple[float, float]:
+    """How many of ``dense`` cells, ``cell`` metres wide, are occupied, and how long their lists are in all."""
     covered = 1.5 * surfaces.area / cell**2
-    pairs = surfaces.triangles + 0.75 * surfaces.perimeter / cell + covered
-    cells = min(covered, dense)
+    return min(covered, dense), surfaces.triangles + 0.75 * surfaces.perimeter / cell + covered
+
+
+def bytes_of(bricks: float, cells: float, listed: float, bounce_rays: int) -> int:
+    """Bytes of voxels and their light. ``cells``: that are occupied, ``listed``: bytes of their lists."""
     faces = FACES_PER_CELL * cells
     of_face = BYTES_PER_FACE + LIGHTING_A_FACE + 4 * link_count(bounce_rays, faces)
-    bricks = dense / BRICK**3
-    return int(bricks * BYTES_PER_BRICK + cells * BYTES_PER_CELL + pairs * surfaces.bytes_per_pair + faces * of_face)
+    return int(bricks * BYTES_PER_BRICK + cells * BYTES_PER_CELL + listed + faces * of_face)
 
 
-def choose_resolution(scene: SceneData, settings: Settings) -> int:
-    """Cells along the longest side: as set, or the finest whose estimated memory is inside the budget.
+def budget_for(surfaces: SurfaceMeasure, settings: Settings) -> int:
+    """Bytes that voxels and their light may take.
 
     Every triangle is in some cell's list, however coarse cells are. Where that takes more than half of the budget, the
     other half is for the rest: coarser cells would save nothing, and rays would have more triangles to look at.
     """
+    budget = settings.memory_budget * 2**20
+    return max(budget, surfaces.triangles * surfaces.bytes_per_pair + budget // 2)
+
+
+def choose_resolution(scene: SceneData, settings: Settings) -> int:
+    """Cells along the longest side: as set, or the finest whose estimated memory is inside the budget."""
     if not settings.voxel_auto:
         return settings.voxel_resolution
     bounds = scene_bounds(scene)
@@ -170,9 +244,7 @@ def choose_resolution(scene: SceneData, settings: Settings) -> int:
     extent = bounds[1] - bounds[0]
     sides = (float(extent[0]), float(extent[1]), float(extent[2]))
     surfaces = measure_surfaces(scene)
-    budget = settings.memory_budget * 2**20
-    listed = surfaces.triangles * surfaces.bytes_per_pair
-    budget = max(budget, listed + budget // 2)
+    budget = budget_for(surfaces, settings)
     resolution = FINEST
     while resolution > 16 and estimate_memory(resolution, sides, surfaces, settings.bounce_rays) > budget:
         resolution -= 8 if resolution <= 128 else 16

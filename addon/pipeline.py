@@ -23,7 +23,8 @@ from .edit import MAX_INSTANCES, Edit, edit_between
 from .features import Features
 from .gpu.context import GpuContext
 from .gpu.interface import NONE_INDEX
-from .grid import VoxelGrid, choose_resolution, scene_bounds
+from .grid import VoxelGrid
+from .levels import Plan, coarsened
 from .passes.bounce import BouncePass, LinkPass
 from .passes.compose import Film, PixelLight
 from .passes.cones import ConeVolume
@@ -51,8 +52,6 @@ from .sharing import shares_triangles
 MOST_CHANGED = 0.5
 #: First random point of reflections that are found where none of earlier passes could be taken over.
 FILLING = 1 << 20
-#: Voxels do not become coarser than this for want of memory.
-LEAST_RESOLUTION = 16
 
 
 class PipelineError(RuntimeError):
@@ -104,7 +103,7 @@ def _same(a: Any, b: Any) -> bool:
         return True
     if isinstance(a, tuple) and isinstance(b, tuple):
         return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
-    return isinstance(a, (int, float, str, bool, VoxelGrid)) and type(a) is type(b) and a == b
+    return isinstance(a, (int, float, str, bool, VoxelGrid, Plan)) and type(a) is type(b) and a == b
 
 
 class Pipeline:
@@ -147,7 +146,10 @@ class Pipeline:
         #: Of the last ``prepare`` that did any: cells that were voxelized, faces that were linked to others and lit.
         self.redone = {"cells": 0, "linked_faces": 0, "lit_faces": 0}
         self._failed_with_geometry = False  # the last error came after the geometry was there
-        self._coarsened: tuple[tuple, int] | None = None  # settings of voxels that did not fit, and what does
+        #: Settings of voxels that did not fit, and what to set in place of them.
+        self._coarsened: tuple[tuple, dict[str, Any]] | None = None
+        self._plan: Plan | None = None
+        self._middle: tuple[float, ...] = ()  # of nested levels
         self.features: Features | None = None
         self.grid: VoxelGrid | None = None
         self.warnings: list[str] = []
@@ -175,23 +177,26 @@ class Pipeline:
         the next call does that step again.
         """
         wanted = (
-            settings.voxel_auto, settings.voxel_resolution, settings.memory_budget, settings.bounce_rays, size,
-            scene.meshes, scene.instances,
+            settings.voxel_auto, settings.voxel_resolution, settings.memory_budget, settings.bounce_rays,
+            settings.voxel_levels, settings.voxel_detail, size, scene.meshes, scene.instances,
         )  # fmt: skip
         while True:
-            resolution = self._coarsened[1] if self._coarsened and _same(self._coarsened[0], wanted) else None
-            fitting = settings.with_values(voxel_auto=False, voxel_resolution=resolution) if resolution else settings
+            coarser = self._coarsened[1] if self._coarsened and _same(self._coarsened[0], wanted) else {}
+            fitting = settings.with_values(**coarser)
             try:
                 yield from self._letting_go(self._prepare(scene, fitting, size, follows))
                 break
             except MemoryError:
-                tried, is_for_voxels = choose_resolution(scene, fitting), self._failed_with_geometry
-                if not is_for_voxels or tried <= LEAST_RESOLUTION:
+                coarser = coarsened(self._plan, self.grid) if self._failed_with_geometry else {}
+                if not coarser:
                     self._coarsened = None
                     raise
-                self._coarsened = wanted, max(tried // 2, LEAST_RESOLUTION)
-        if resolution:
-            self.warnings.append(f"There is no memory for finer voxels: {resolution} are used along the longest side")
+                self._coarsened = wanted, coarser
+        if coarser:
+            along = "the sides of levels" if coarser["voxel_levels"] == "ON" else "the longest side"
+            self.warnings.append(
+                f"There is no memory for finer voxels: {coarser['voxel_resolution']} are used along {along}"
+            )
 
     def _letting_go(self, steps: Generator[Progress, None, None]) -> Iterator[Progress]:
         """``steps``; when one fails, lets go of everything, and of what that step has made so far."""
@@ -229,7 +234,7 @@ class Pipeline:
             looked = self._materials.set
             with self.gpu.timed("materials"):
                 found = repainted(looked, self._materials.run(scene.materials, uv_layers))
-            if found is None:
+            if found is None or (self.grid and self.grid.levels):  # levels are made again as a whole
                 memo.forget("geometry", "emitters", "voxels")
             else:
                 self._repainted = found.and_before(self._repainted)
@@ -248,14 +253,17 @@ class Pipeline:
 
         shape = (scene.meshes, scene.instances)
         automatic = (settings.memory_budget, settings.bounce_rays) if settings.voxel_auto else ()
-        resolution = automatic or (settings.voxel_resolution,)
+        resolution: tuple[Any, ...] = automatic or (settings.voxel_resolution,)
+        resolution += settings.voxel_levels, settings.voxel_detail, settings.gather_mode, settings.shadow_mode
+        if self._plan is None or memo.stale("plan", *shape, *resolution):
+            self._plan = Plan.of(scene, settings)
+            memo.done("plan", *shape, *resolution)
+        self._middle = self._plan.middle(scene.camera, settings, self._middle if self._is_live else (), self.grid)
         edit: Edit | None = None  # what differs from the scene that voxels were made of; None: start again
-        if memo.stale("geometry", *shape, *resolution):
+        placing = (self._plan, self._middle, resolution if self._middle else ())
+        if memo.stale("geometry", *shape, *placing):
             yield Progress(0.02, "Uploading geometry")
-            bounds = scene_bounds(scene)
-            placed_grid = VoxelGrid.around(
-                bounds if bounds is not None else np.array([[-1.0] * 3, [1.0] * 3]), choose_resolution(scene, settings)
-            )
+            placed_grid = self._plan.grid(scene, settings, self._middle)
             with self.gpu.timed("geometry"):
                 edit = self._edit(scene, placed_grid)
                 self.grid = placed_grid
@@ -267,7 +275,7 @@ class Pipeline:
             if edit is None or self._emitters.may_include(scene, edit.instances, materials):
                 memo.forget("emitters", "links")
             memo.forget("voxels")
-            memo.done("geometry", *shape, *resolution)
+            memo.done("geometry", *shape, *placing)
             yield Progress(0.05, "Voxelizing")
         geometry, grid = self._geometry.geometry, self.grid
         assert geometry is not None and grid is not None
@@ -291,6 +299,7 @@ class Pipeline:
             transmission=materials.has_transmission,
             world=self._world.is_lit,
             concentrated_world=self._world.is_concentrated,
+            levels=bool(grid.levels),
         )
         self.features = features
         if features.follows_glossy and RAY_TEXELS * size[0] > limit:
@@ -388,7 +397,7 @@ class Pipeline:
 
     def _edit(self, scene: SceneData, grid: VoxelGrid) -> Edit | None:
         """How ``scene`` differs from the one that voxels were made of; None: start again."""
-        if self._placed is None or grid != self.grid or not self._memo.has("voxels"):
+        if self._placed is None or grid != self.grid or grid.levels or not self._memo.has("voxels"):
             return None
         edit = edit_between(self._placed, scene, grid)
         if edit is None or len(edit.instances) > MAX_INSTANCES or edit.share > MOST_CHANGED:
@@ -632,14 +641,24 @@ class Pipeline:
     # Report -----------------------------------------------------------------------------------------------------
 
     def statistics(self) -> dict[str, Any]:
-        """What was done and what it took; sizes in bytes, times in ms."""
+        """What was done and what it took; sizes in bytes, times in ms, widths of voxels in metres.
+
+        ``voxels``: along the sides of the grid, or of the finest of its ``levels``.
+        """
         voxels = self._voxelize.voxels
+        levels = self.grid.levels if self.grid else ()
+        finest = levels[0] if levels else self.grid
         return {
             "renderer": self.gpu.renderer,
             "resolution": list(self._size),
             "samples": self.film.samples,
             "mean_samples": round(self.film.mean_samples, 3),
-            "voxels": list(self.grid.size) if self.grid else [0, 0, 0],
+            "voxels": list(finest.size) if finest else [0, 0, 0],
+            "levels": [
+                {"voxels": list(level.size), "voxel_size": self.grid.cell_size * (1 << k)}
+                for k, level in enumerate(levels)
+                if self.grid
+            ],
             "occupied": voxels.cell_count if voxels else 0,
             "faces": self._voxelize.face_count,
             "redone": dict(self.redone),

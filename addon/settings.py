@@ -207,6 +207,34 @@ class Settings:
         soft_hi=4096,
         unit=Unit.MEBIBYTE,
     )
+    voxel_levels: str = _setting(
+        "Nested Levels",
+        "AUTO",
+        "Whether voxels are finest around the camera and twice as wide from level to level around it.",
+        Panel.VOXELS,
+        choices=(
+            (
+                "AUTO",
+                "Automatic",
+                "Where the resolution is automatic, and voxels of one size would be more than five times as wide as "
+                "Detail: in scenes of several hundred metres, seen from inside or from near",
+            ),
+            ("ON", "On", "Each level has as many voxels along its side as Resolution says, when not automatic"),
+            ("OFF", "Off", "Voxels of one size everywhere"),
+        ),
+        cost="rays that cross levels take longer; when the camera leaves the finest level, voxels are made again",
+    )
+    voxel_detail: float = _setting(
+        "Detail",
+        0.05,
+        "Width of the voxels around the camera where there are nested levels; wider if memory does not suffice.",
+        Panel.VOXELS,
+        lo=1e-4,
+        hi=1000.0,
+        soft_hi=1.0,
+        unit=Unit.METRE,
+        cost="a level more for each halving",
+    )
     bounces: int = _setting(
         "Bounces",
         256,

@@ -65,6 +65,9 @@ class Kernel:
         for name, value in values.items():
             member: Any = self.shader.get(name, None)
             if member is not None:
+                if isinstance(value, list) and isinstance(value[0], tuple):
+                    # An array of vectors; compilers drop the end of one that is never read.
+                    value = value[: member.array_length] if member.array_length > 1 else value[0]
                 member.value = value
             elif name not in self.source.text:
                 raise KeyError(f"shader '{self.source.files[1]}' has no uniform '{name}'")

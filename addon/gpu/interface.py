@@ -129,7 +129,7 @@ TEXTURE_ALIASES = {
     "TEX_WORK": "TEX_FACE_RADIANCE",  # rg32ui list: work items (triangle, item number); too many for a buffer
     "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
     "TEX_PARTS": "TEX_FACE_RADIANCE",  # rgba32ui list, cell by cell: what pairs bring to faces
-    "TEX_CELL_POSITIONS": "TEX_WORLD",  # r32ui list: x | y << 11 | z << 22
+    "TEX_CELL_POSITIONS": "TEX_WORLD",  # r32ui list: lib/part.glsl
     "TEX_CHANGED_BRICKS": "TEX_CONES",  # r8ui 3D: 1 where voxels are made again
     # Composition reads no grid: what it composes has the grid's units.
     "TEX_DIRECT_DIFFUSE": "TEX_FACE_RADIANCE",

@@ -19,6 +19,8 @@ from .film import PASSES
 APPLIES: dict[str, Callable[[Any], bool]] = {
     "voxel_resolution": lambda s: not s.voxel_auto,
     "memory_budget": lambda s: s.voxel_auto,
+    "voxel_levels": lambda s: s.gather_mode != "CONES" and s.shadow_mode != "CONE",
+    "voxel_detail": lambda s: s.voxel_levels == "ON" or (s.voxel_levels == "AUTO" and s.voxel_auto),
     "bounces": lambda s: _gathers_light(s),
     "bounce_rays": lambda s: _gathers_light(s),  # without bounces too: they bring the light of world and emitters
     "gather_interval": lambda s: s.use_indirect and s.noise_threshold <= 0.0,
@@ -233,6 +235,10 @@ def _draw_memory(layout: Any, settings: Any) -> None:
         lines = [f"Memory: about {estimate / 2**20:.0f} MiB for a closed room"]
     if used:
         lines.append(f"Last render: {' x '.join(map(str, voxels))} voxels, {used / 2**20:.0f} MiB")
+    levels = session.last_statistics.get("levels", []) if used else []
+    if levels:
+        widths = [f"{level['voxel_size']:.3g} m" for level in (levels[0], levels[-1])]
+        lines.append(f"In the finest of {len(levels)} levels around the camera: voxels are {' to '.join(widths)} wide")
     _draw_sentences(layout, lines, "NONE")
 
 

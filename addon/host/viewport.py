@@ -233,7 +233,9 @@ def _facts(pipeline: Any, *, each_pass: bool) -> str:
     """Voxels and memory of a pipeline, and what ``each_pass`` took for this picture, longest first."""
     facts = [f"{sum(pipeline.gpu.memory.values()) / 2**20:.0f} MiB"]
     if pipeline.grid is not None:
-        facts.insert(0, " x ".join(map(str, pipeline.grid.size)) + " voxels")
+        levels = pipeline.grid.levels
+        size = " x ".join(map(str, (levels[0] if levels else pipeline.grid).size))
+        facts.insert(0, f"{size} voxels" + (f" in the finest of {len(levels)} levels" if levels else ""))
         facts.append(_made_again(pipeline.statistics()))
     if each_pass:
         times = sorted(pipeline.gpu.times.items(), key=lambda entry: -entry[1].gpu_ms)

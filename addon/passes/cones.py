@@ -42,7 +42,7 @@ class ConeVolume:
             volume.filter = (moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR)
             self.volume = volume
             for level in range(LEVELS):
-                kernel = gpu.kernel("cones", {"FIRST": level == 0})
+                kernel = gpu.kernel("cones", voxels.grid.defines | {"FIRST": level == 0})
                 if level == 0:
                     voxels.bind(kernel)
                     radiance.use(slot("TEX_FACE_RADIANCE"))

@@ -34,8 +34,8 @@ class Geometry:
 
     @property
     def defines(self) -> dict[str, object]:
-        """For lib/triangle.glsl."""
-        return {"HAS_INSTANCES": self.has_instances}
+        """For lib/triangle.glsl and lib/level.glsl."""
+        return {"HAS_INSTANCES": self.has_instances} | self.grid.defines
 
     def bind(self, kernel: Kernel) -> None:
         """Bind what lib/geometry.glsl reads."""

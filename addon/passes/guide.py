@@ -83,9 +83,9 @@ class GuidePass:
         step = max(interface.GROUP_SIZE, LINKS_PER_STEP // (links.count * _FACES))
         for first in range(0, count, step):
             with gpu.timed("guides"):
-                kernel = gpu.kernel("guide_collect", world.defines)
+                kernel = gpu.kernel("guide_collect", world.defines | voxels.grid.defines)
                 kernel.set(brick_count=voxels.grid.bricks, guide_first=first, guide_count=count)
-                kernel.set(link_count=links.count, random_seed=settings.seed)
+                kernel.set(link_count=links.count, random_seed=settings.seed, **voxels.grid.uniforms)
                 voxels.bricks.use(slot("TEX_BRICKS"))
                 voxels.cells.use(slot("TEX_CELLS"))
                 voxels.faces.bind()

@@ -245,7 +245,7 @@ class InjectPass:
         bricks = voxels.grid.bricks
         reach = self.gpu.texture_3d("light reach", bricks, 1, "u1")
         with self.gpu.timed("inject"):
-            kernel = self.gpu.kernel("inject_reach", lights.defines(settings))
+            kernel = self.gpu.kernel("inject_reach", lights.defines(settings) | voxels.grid.defines)
             voxels.bricks.use(interface.slot("TEX_BRICKS"))
             lights.bind(kernel, settings)
             changes.bind_boxes(kernel, changes.boxes)

@@ -248,6 +248,7 @@ class SurfacePass:
                 turn_seed=view.seed + behind,
                 sample_index=view.sample,
                 **view.uniforms,
+                **surfaces.geometry.grid.level_uniforms,
             )
             if family.has_transparency:
                 kernel.set(last_layer=behind == MAX_LAYERS - 1)

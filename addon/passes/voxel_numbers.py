@@ -3,9 +3,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..gpu import interface
+from ..grid import Level
 
 #: Longest leap over empty bricks that a brick's record can hold: four bits.
 MAX_LEAP = 15
@@ -44,17 +47,42 @@ def empty_octants(occupied: np.ndarray) -> np.ndarray:
     return words
 
 
-def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:
-    """Positions of occupied cells in the order of their numbers, packed x | y << 11 | z << 22, (N,) uint32.
+def level_octants(occupied: np.ndarray, levels: Sequence[Level]) -> np.ndarray:
+    """``empty_octants`` of the levels of a nested grid, each for itself. What a finer level covers is not empty: rays
+    go on there. What lies outside a level is, but rays stop at its border.
+
+    ``occupied``: (z, y, x) bool, bricks of the stack.
+    """
+    words = np.zeros(occupied.shape, np.uint32)
+    finer: Level | None = None
+    for level in levels:
+        x, y, z = (side // interface.BRICK for side in level.size)
+        layer = level.layer // interface.BRICK
+        part = occupied[layer : layer + z, :y, :x].copy()
+        if finer is not None:
+            low, high = (
+                [(place // 2 - first) // interface.BRICK for place, first in zip(corner, level.first, strict=True)]
+                for corner in (finer.first, finer.end)
+            )
+            part[low[2] : high[2], low[1] : high[1], low[0] : high[0]] = True
+        words[layer : layer + z, :y, :x] = empty_octants(part)
+        finer = level
+    return words
+
+
+def cell_positions(masks: np.ndarray, bricks: tuple[int, int, int], bits_xy: tuple[int, int] = (11, 11)) -> np.ndarray:
+    """Positions of occupied cells in the order of their numbers, packed, (N,) uint32: x and y in
+    ``bits_xy`` bits, then z.
 
     ``masks``: (B,) uint64, bricks in the order x fastest.
     """
+    y_shift, z_shift = bits_xy[0], sum(bits_xy)
     filled = np.flatnonzero(masks)
     z, rest = np.divmod(filled, bricks[0] * bricks[1])
     y, x = np.divmod(rest, bricks[0])
-    corners = ((x | y << 11 | z << 22) * interface.BRICK).astype(np.uint32)
+    corners = ((x | y << y_shift | z << z_shift) * interface.BRICK).astype(np.uint32)
     bit = np.arange(64, dtype=np.uint32)
-    inside = bit & 3 | (bit >> 2 & 3) << 11 | bit >> 4 << 22
+    inside = bit & 3 | (bit >> 2 & 3) << y_shift | bit >> 4 << z_shift
     bits = np.unpackbits(np.ascontiguousarray(masks[filled]).view(np.uint8), bitorder="little")
     index = np.flatnonzero(bits)
     return corners[index >> 6] | inside[index & 63]

@@ -34,6 +34,7 @@ from .voxel_numbers import (
     cell_records,
     empty_octants,
     face_counts,
+    level_octants,
     number_faces,
     popcount,
     with_hidden_cells,
@@ -100,6 +101,7 @@ class Voxels:
             "HAS_OPACITY": self.cell_opacities is not None,
             "HAS_INSTANCES": self.cell_triangles.components == 2,
             "HAS_BOXES": self.has_boxes,
+            **self.grid.defines,
         }
 
     @property
@@ -116,7 +118,7 @@ class Voxels:
         self.cell_triangles.use(slot("TEX_CELL_TRIANGLES"))
         if self.cell_opacities is not None:
             self.cell_opacities.use(slot("TEX_CELL_OPACITIES"))
-        kernel.set(grid_size=self.grid.size)
+        kernel.set(**self.grid.uniforms)
         if self.has_boxes:
             kernel.set(box_first=self.cell_count)
 
@@ -255,7 +257,7 @@ class VoxelizePass:
             gpu.free(mask, work)
             cursors = gpu.buffer("voxel counts", size=4 * len(positions))
             self._temporary.append(cursors)
-            kernel = gpu.kernel("voxel_count").set(grid_size=grid.size, pair_count=starts[-1])
+            kernel = gpu.kernel("voxel_count", grid.defines).set(**grid.uniforms, pair_count=starts[-1])
             bricks.use(slot("TEX_BRICKS"))
             pairs.use(slot("TEX_PAIRS"))
             cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
@@ -280,7 +282,7 @@ class VoxelizePass:
                     bricks.use(slot("TEX_BRICKS"))
                     pairs.use(slot("TEX_PAIRS"))
                     self._bind_lists(lists)
-                    kernel.set(grid_size=grid.size, pair_first=first, pair_count=count)
+                    kernel.set(**grid.uniforms, pair_first=first, pair_count=count)
                     kernel.run_list(count)
                     if batch is not None:
                         material_pass.unbind(batch)
@@ -340,7 +342,7 @@ class VoxelizePass:
         def run(count: bool) -> None:
             kernel = gpu.kernel("work", geometry.defines | {"COUNT": count, "IS_PART": taken is not None})
             kernel.set(
-                grid_size=geometry.grid.size, triangle_count=geometry.triangle_count, ray_mask=int(RayVisibility.ALL),
+                **geometry.grid.uniforms, triangle_count=geometry.triangle_count, ray_mask=int(RayVisibility.ALL),
                 batch_count=batches,
             )  # fmt: skip
             if taken:
@@ -386,7 +388,7 @@ class VoxelizePass:
                 count = min(ITEMS_PER_STEP, item_starts[batch + 1] - first)
                 with gpu.timed("voxelize"):
                     kernel = gpu.kernel("voxel_pairs", geometry.defines | {"IS_PART": taken is not None})
-                    kernel.set(grid_size=geometry.grid.size, work_first=first, work_count=count)
+                    kernel.set(**geometry.grid.uniforms, work_first=first, work_count=count)
                     kernel.set(batch=batch, pair_capacity=capacity)
                     if taken:
                         taken.bind()
@@ -412,10 +414,13 @@ class VoxelizePass:
         texels[:, :2] = masks.view(np.uint32).reshape(-1, 2)
         texels[:, 2] = np.cumsum(counts) - counts
         leaps = taken.leaps(masks != 0, counts) if taken else None
-        texels[:, 3] = empty_octants((masks != 0).reshape(shape)).ravel() if leaps is None else leaps
+        if leaps is None:
+            occupied = (masks != 0).reshape(shape)
+            leaps = (level_octants(occupied, grid.levels) if grid.levels else empty_octants(occupied)).ravel()
+        texels[:, 3] = leaps
         bricks = self.gpu.texture_3d("bricks", grid.bricks, 4, "u4", texels)
         self._owned.append(bricks)
-        return bricks, cell_positions(masks, grid.bricks)
+        return bricks, cell_positions(masks, grid.bricks, grid.position_bits)
 
     def _allocate_lists(
         self,
@@ -428,7 +433,7 @@ class VoxelizePass:
         gpu = self.gpu
         records = cell_records(counts)
         pairs = int(counts.sum())
-        has_boxes = are_boxed(counts)
+        has_boxes = are_boxed(counts) and not geometry.grid.levels  # boxes are in cells of a single grid
         if len(records):
             cursors.write(np.ascontiguousarray(records[:, 0]))
         lists = Lists(
@@ -486,7 +491,7 @@ class VoxelizePass:
             self._temporary.append(work)
             work.bind_to_storage_buffer(slot("BUF_WORK"))
             work_count = len(cells)
-        kernel.set(work_count=work_count)
+        kernel.set(**geometry.grid.level_uniforms, work_count=work_count)
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
@@ -516,7 +521,7 @@ class VoxelizePass:
             defines = {"HAS_BOXES": False, "IS_PART": False, "IS_CROWDED": True, "CROWD_STEP": step}
             kernel = gpu.kernel("voxel_cut", geometry.defines | defines)
             for number, cell in enumerate(lists.crowded.tolist()):
-                kernel.set(crowd=number, crowd_cell=cell)
+                kernel.set(**geometry.grid.level_uniforms, crowd=number, crowd_cell=cell)
                 kernel.run_list(-(-int(lists.records[cell, 1]) // interface.CROWD_RUN))
             gpu.barrier()  # each step reads sums of the one before
 
@@ -536,7 +541,7 @@ class VoxelizePass:
         self._owned += [faces.place, faces.reflectance, faces.order, faces.shading]
         self._temporary.append(listed)
 
-        kernel = gpu.kernel("face_order").set(work_count=len(items), axis_counts=axis_counts)
+        kernel = gpu.kernel("face_order", geometry.grid.defines).set(work_count=len(items), axis_counts=axis_counts)
         lists.cells.use(slot("TEX_CELLS"))
         listed.bind_to_storage_buffer(slot("BUF_WORK"))
         faces.order.bind_to_image(slot("IMG_0"), read=False, write=True)
@@ -545,7 +550,8 @@ class VoxelizePass:
         if taken:
             self.numbers_before = taken.copy_faces(gpu, lists.records, faces)
             items, _ = cell_axes(np.where(taken.stays, np.uint32(0), facings))
-        block = min(interface.BRICK, max(1, max(geometry.grid.size) // LINE_BLOCKS))
+        longest = max(max(level.size) for level in geometry.grid.levels or (geometry.grid,))
+        block = min(interface.BRICK, max(1, longest // LINE_BLOCKS))
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
@@ -563,7 +569,7 @@ class VoxelizePass:
                 work = gpu.buffer("voxel work", items)
                 self._temporary.append(work)
                 kernel = gpu.kernel("voxel_resolve", defines | {"IS_CROWDED": bool(crowd)})
-                kernel.set(grid_size=geometry.grid.size, work_count=len(items), line_block=block, **crowd)
+                kernel.set(**geometry.grid.uniforms, work_count=len(items), line_block=block, **crowd)
                 if lists.has_boxes:
                     kernel.set(box_first=len(lists.records))
                 work.bind_to_storage_buffer(slot("BUF_WORK"))

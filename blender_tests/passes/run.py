@@ -126,8 +126,10 @@ def read_faces(voxels: Voxels, records: np.ndarray) -> np.ndarray:
 def read_voxels(voxels: Voxels, geometry: Geometry) -> VoxelData:
     words = np.frombuffer(voxels.bricks.read(), np.uint32).reshape(-1, 4)
     masks = np.ascontiguousarray(words[:, :2]).view(np.uint64).ravel()
-    packed = cell_positions(masks, voxels.grid.bricks)
-    cells = np.stack([packed & 2047, packed >> 11 & 2047, packed >> 22], axis=1).astype(np.int64)
+    packed = cell_positions(masks, voxels.grid.bricks, voxels.grid.position_bits)
+    bits, _ = voxels.grid.position_bits
+    mask = (1 << bits) - 1
+    cells = np.stack([packed & mask, packed >> bits & mask, packed >> 2 * bits], axis=1).astype(np.int64)
     stored = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
     records = with_hidden_cells(stored, 0).astype(np.int64)
     triangles = np.frombuffer(voxels.cell_triangles.read(), np.uint32)[: voxels.pair_count].astype(np.int64)

@@ -54,7 +54,7 @@ def drawn(gpu: GpuContext, texels: np.ndarray, entry: int, rows: np.ndarray) -> 
     numbers.use(interface.slot("TEX_GUIDE_NUMBERS"))
     inputs = np.zeros((len(rows), 8), np.float32)
     inputs[:, :6] = rows
-    found = map_list(gpu, test_kernel(gpu, "guide"), inputs, 12, grid_size=(4, 4, 4)).reshape(-1, 3, 4)
+    found = map_list(gpu, test_kernel(gpu, "guide", {"LEVELS": 0}), inputs, 12, grid_size=(4, 4, 4)).reshape(-1, 3, 4)
     gpu.free(guides, numbers)
     return found
 

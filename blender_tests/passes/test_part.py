@@ -14,12 +14,12 @@ def test_parts_are_kept(gpu: GpuContext) -> None:
     rng = np.random.default_rng(4)
     largest = np.array([5] + [2**17 - 1] * 7)
     rows = np.concatenate([rng.integers(0, largest + 1, (200, 8)), np.diag(largest)]).astype(np.float64)
-    found = map_list(gpu, test_kernel(gpu, "part"), rows, 8)
+    found = map_list(gpu, test_kernel(gpu, "part", {"LEVELS": 0}), rows, 8)
     np.testing.assert_array_equal(found, rows)
 
 
 def test_a_part_too_large_stays_the_largest(gpu: GpuContext) -> None:
     rows = np.full((1, 8), 2.0**20 + 5)
     rows[0, 0] = 5.0
-    found = map_list(gpu, test_kernel(gpu, "part"), rows, 8)
+    found = map_list(gpu, test_kernel(gpu, "part", {"LEVELS": 0}), rows, 8)
     np.testing.assert_array_equal(found[0], [5.0] + [2**17 - 1] * 7)

@@ -9,8 +9,8 @@ from typing import Any
 from conelight_cli import statistics
 
 KEYS = {
-    "blender", "renderer", "resolution", "samples", "voxels", "occupied", "bounces", "features", "passes", "memory",
-    "peak_rss", "wall_ms", "first_frame_ms", "warnings",
+    "blender", "renderer", "resolution", "samples", "voxels", "levels", "occupied", "bounces", "features", "passes",
+    "memory", "peak_rss", "wall_ms", "first_frame_ms", "warnings",
 }
 
 
@@ -24,7 +24,7 @@ def report(frames: list[dict[str, Any]], **more: Any) -> dict[str, Any]:
 
 def frame(**more: Any) -> dict[str, Any]:
     return {
-        "voxels": (8, 4, 2), "occupied": 5, "bounces": 2, "features": {"glossy", "emission"},
+        "voxels": (8, 4, 2), "levels": (), "occupied": 5, "bounces": 2, "features": {"glossy", "emission"},
         "passes": [{"name": "gather", "calls": 2, "cpu_ms": 3.0, "gpu_ms": None}],
         "memory": {"radiance": 64}, "warnings": ["no image"], "samples": 2, "first_frame_ms": 4.0, **more,
     }

@@ -42,6 +42,7 @@ def report(
         "resolution": list(resolution),
         "samples": total.get("samples", 0),
         "voxels": list(total.get("voxels", (0, 0, 0))),
+        "levels": list(total.get("levels", ())),
         "occupied": total.get("occupied", 0),
         "bounces": total.get("bounces", 0),
         "features": sorted(total.get("features", ())),

@@ -2,9 +2,11 @@
 // The sparse voxel grid: cells of side 1 in grid space, bricks of 4x4x4 cells, one bit a cell.
 // Grid space is world space shifted and scaled (same axes): cell (0,0,0) fills [0,1]^3.
 //     position_ws = position_grid * cell_size + grid_origin_ws
+// Where there are nested levels, the cells are those of their stack (lib/level.glsl).
 // Occupied cells are numbered brick by brick (x fastest), in a brick by bit: x + 4 y + 16 z.
 
 #include "lib/common.glsl"
+#include "lib/level.glsl"
 
 uniform ivec3 grid_size;  // cells, a multiple of BRICK on each axis
 
@@ -28,6 +30,31 @@ uint brick_bit(ivec3 cell)
 bool inside_grid(ivec3 cell)
 {
     return all(lessThan(uvec3(cell), uvec3(grid_size)));  // what is below 0 is large without a sign
+}
+
+// The cell that holds a place. Nested levels: that next to it where none does.
+ivec3 cell_at(vec3 position)
+{
+#if LEVELS
+    int level = level_of(position);
+    ivec3 cell = ivec3(floor(position / level_side(level)));
+    return to_stack(clamp(cell, level_first[level].xyz, level_end[level] - 1), level);
+#else
+    return ivec3(floor(position));
+#endif
+}
+
+// The cell that holds a place, or that next to it.
+ivec3 nearest_cell(vec3 position)
+{
+    return clamp(cell_at(position), ivec3(0), grid_size - 1);
+}
+
+// Where in a cell a place lies, in sides of the cell; it may lie outside.
+vec3 place_in_cell(vec3 position, ivec3 cell)
+{
+    int level = level_of_cell(cell);
+    return position / level_side(level) - vec3(from_stack(cell, level));
 }
 
 // Index of the occupied cell that `bit` of `brick` stands for: occupied cells before it, plus the brick's first.

@@ -19,7 +19,7 @@ struct Guide {
 Guide guide_at(vec3 position, vec3 geometric_normal)
 {
     Guide guide = Guide(NONE_INDEX, facing_of(geometric_normal));
-    ivec3 cell = clamp(ivec3(floor(position)), ivec3(0), grid_size - 1);
+    ivec3 cell = nearest_cell(position);
     uint entry = texelFetch(guide_numbers_tex, cell / BRICK, 0).r;
     if (has_guide(entry, guide.facing)) {
         uint first = guide_number(entry, guide.facing) * uint(GUIDE_TEXELS);

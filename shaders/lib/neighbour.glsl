@@ -9,6 +9,7 @@ struct Surroundings {
     vec3 normal;
     vec3 right;     // steps of one cell along two axes of the grid, in the tangent plane
     vec3 up;
+    int level;      // whose cells
 };
 
 Surroundings surroundings(uint face)
@@ -19,11 +20,14 @@ Surroundings surroundings(uint face)
     int axis = dominant_axis(normal);
     int right = (axis + 1) % 3;
     int up = (axis + 2) % 3;
+    around.level = level_of(around.position);
     around.right = around.up = vec3(0.0);
     around.right[right] = 1.0;
     around.right[axis] = -normal[right] / normal[axis];
     around.up[up] = 1.0;
     around.up[axis] = -normal[up] / normal[axis];
+    around.right *= level_side(around.level);
+    around.up *= level_side(around.level);
     return around;
 }
 
@@ -34,9 +38,12 @@ ivec2 neighbour_step(int k)
     return k < 4 ? along : ivec2(1 - 2 * (k & 1), 1 - (k & 2));
 }
 
-// The face whose surface is one cell further.
+// The face whose surface is one cell further. Across the border of a level there is none: two faces give each other the same
+// share only where each is the other's neighbour.
 FoundFace face_beside(Surroundings around, ivec2 step)
 {
     vec3 place = around.position + (float(step.x) * around.right + float(step.y) * around.up);
-    return find_face(ivec3(floor(place)), around.normal, around.position, false);
+    FoundFace found = find_face(cell_at(place), around.normal, around.position, false);
+    found.bit = level_of(place) == around.level ? found.bit : NONE_INDEX;
+    return found;
 }

@@ -3,7 +3,8 @@
 // it and the centre of that part. No cell is missed however the triangle lies, and parts add up to the whole.
 //
 // The including shader defines
-//     void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal);
+//     void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre, vec3 normal);
+// `cell` is a cell of the stack; area and `centre`, which is a place in the cell, are in sides of it.
 
 #include "lib/clipped.glsl"
 #include "lib/triangle.glsl"
@@ -12,31 +13,52 @@
 // Columns of cells (along the dominant axis) that one work item handles.
 const int COLUMNS_PER_ITEM = 8;
 
-void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal);
+void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre, vec3 normal);
 
-// Columns that the triangle's bounds cover: first (xy) and count (zw) in turned axes; count 0 when outside the grid.
-ivec4 column_range(Triangle t, int axis)
+// The cells of a level.
+ivec3 first_cell(int level)
+{
+#if LEVELS
+    return level_first[level].xyz;
+#else
+    return ivec3(0);
+#endif
+}
+ivec3 end_cell(int level)
+{
+#if LEVELS
+    return level_end[level];
+#else
+    return grid_size;
+#endif
+}
+
+// Columns of a level that the bounds of a triangle, in its cells, cover: first (xy) and count (zw) in turned axes; count 0
+// when outside.
+ivec4 column_range(Triangle t, int axis, int level)
 {
     vec3 b = t.corner + t.edge_1;
     vec3 c = t.corner + t.edge_2;
     vec3 lo = turn(min(t.corner, min(b, c)), axis);
     vec3 hi = turn(max(t.corner, max(b, c)), axis);
-    ivec3 size = turn(grid_size, axis);
-    if (any(lessThan(hi, vec3(0.0))) || any(greaterThanEqual(lo, vec3(size))) || !is_finite(lo + hi)) {
+    vec3 low = vec3(turn(first_cell(level), axis));
+    vec3 high = vec3(turn(end_cell(level), axis));
+    if (any(lessThan(hi, low)) || any(greaterThanEqual(lo, high)) || !is_finite(lo + hi)) {
         return ivec4(0);
     }
-    ivec2 first = ivec2(max(floor(lo.xy), vec2(0.0)));
-    ivec2 last = ivec2(min(floor(hi.xy), vec2(size.xy) - 1.0));
+    ivec2 first = ivec2(max(floor(lo.xy), low.xy));
+    ivec2 last = ivec2(min(floor(hi.xy), high.xy - 1.0));
     return ivec4(first, last - first + 1);
 }
 
-uint item_count(Triangle t)
+// Work items of a triangle, in cells of a level, there.
+uint item_count(Triangle t, int level)
 {
     vec3 n = cross(t.edge_1, t.edge_2);
     if (!(dot(n, n) > 0.0)) {
         return 0u;  // no area: it cannot be seen
     }
-    ivec4 range = column_range(t, dominant_axis(n));
+    ivec4 range = column_range(t, dominant_axis(n), level);
     return uint((range.z * range.w + COLUMNS_PER_ITEM - 1) / COLUMNS_PER_ITEM);
 }
 
@@ -63,14 +85,36 @@ bool is_apart(vec2 a, vec2 b, vec2 c)
     return is_beside(a, b, c) || is_beside(b, c, a) || is_beside(c, a, b);
 }
 
+// The level that work item `item` of a triangle is about: items follow each other level by level. Changes `item` to its
+// number there, and `t` to cells of the level.
+int level_of_item(inout Triangle t, inout uint item)
+{
+#if LEVELS
+    Triangle all = t;
+    int level = 0;
+    t = in_level(all, level);
+    uint count = item_count(t, level);
+    while (item >= count && level < LEVELS - 1) {
+        item -= count;
+        ++level;
+        t = in_level(all, level);
+        count = item_count(t, level);
+    }
+    return level;
+#else
+    return 0;
+#endif
+}
+
 // Visit the cells of work item `item` of a triangle.
 void visit_cells(uint triangle_index, uint item)
 {
     Triangle t = fetch_triangle(triangle_index);
+    int level = level_of_item(t, item);
     vec3 n = cross(t.edge_1, t.edge_2);
     vec3 normal = normalize(n);
     int axis = dominant_axis(n);
-    ivec4 range = column_range(t, axis);
+    ivec4 range = column_range(t, axis, level);
     vec3 a = turn(t.corner, axis);
     vec3 b = turn(t.corner + t.edge_1, axis);
     vec3 c = turn(t.corner + t.edge_2, axis);
@@ -78,7 +122,8 @@ void visit_cells(uint triangle_index, uint item)
     vec2 slope = -m.xy / m.z;  // of depth over x and y; at most 1 on the dominant axis
     float z_lo = min(a.z, min(b.z, c.z));
     float z_hi = max(a.z, max(b.z, c.z));
-    int z_size = turn(grid_size, axis).z;
+    int z_first = turn(first_cell(level), axis).z;
+    int z_last = turn(end_cell(level), axis).z - 1;
     float area_scale = 1.0 / abs(turn(normal, axis).z);
     int first = int(item) * COLUMNS_PER_ITEM;
     int last = min(first + COLUMNS_PER_ITEM, range.z * range.w);
@@ -91,8 +136,8 @@ void visit_cells(uint triangle_index, uint item)
         if (z > z_end) {
             // Depth of the plane at the column's centre, and how far it can differ within the column.
             float z_mid = a.z + dot(slope, vec2(column) + 0.5 - a.xy);
-            z = max(int(floor(max(z_lo, z_mid - z_half))), 0);
-            z_end = min(int(floor(min(z_hi, z_mid + z_half))), z_size - 1);
+            z = max(int(floor(max(z_lo, z_mid - z_half))), z_first);
+            z_end = min(int(floor(min(z_hi, z_mid + z_half))), z_last);
             base.xy = vec2(column);
             ++column.x;
             column = column.x == range.x + range.z ? ivec2(range.x, column.y + 1) : column;
@@ -120,6 +165,12 @@ void visit_cells(uint triangle_index, uint item)
         vec2 centre = clamp(sums.yz / sums.x, 0.0, 1.0);
         vec3 at = vec3(centre + base.xy, 0.0);
         at.z = clamp(a.z + dot(slope, at.xy - a.xy), base.z, base.z + 1.0);
-        visit_cell(triangle_index, t, turn_back(ivec3(base), axis), area * area_scale, turn_back(at, axis), normal);
+        ivec3 cell = turn_back(ivec3(base), axis);
+#if LEVELS
+        if (is_in_hole(cell, level)) {
+            continue;
+        }
+#endif
+        visit_cell(triangle_index, t, to_stack(cell, level), area * area_scale, turn_back(at, axis) - vec3(cell), normal);
     }
 }

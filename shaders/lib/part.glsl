@@ -2,23 +2,31 @@
 // What a triangle brings to a cell, while the scene is voxelized.
 //
 // A pair says which triangle enters which cell, with the area and the centre of what is inside:
-//     triangle | cell: x, y << 11, z << 22 | area (float) | centre in the cell, 10 bits each, axis of the normal << 30
+//     triangle | cell: x, y << 11, z << 22 (stacks of LEVELS: y << 9, z << 18) | area (float) | centre in the cell, 10 bits each, axis of the normal << 30
 // A part is what the pair adds to a face: area, area x reflectance and area x centre, in units of 1 / FIXED_ONE.
 // Nothing flat inside a cell is larger than two of its sides, so each takes 17 bits.
 
 #include "lib/common.glsl"
 
+// Bits of x and y in positions of cells: stacks of levels are high.
+#if LEVELS
+const int CELL_BITS = 9;
+#else
+const int CELL_BITS = 11;
+#endif
+const uint CELL_MASK = (1u << CELL_BITS) - 1u;
+
 uvec4 pack_pair(uint triangle, ivec3 cell, float area, vec3 centre, int axis)
 {
     uvec3 c = uvec3(clamp(centre, 0.0, 1.0) * 1023.0 + 0.5);
-    return uvec4(triangle, uint(cell.x | cell.y << 11 | cell.z << 22), floatBitsToUint(area),
+    return uvec4(triangle, uint(cell.x | cell.y << CELL_BITS | cell.z << 2 * CELL_BITS), floatBitsToUint(area),
                  c.x | c.y << 10 | c.z << 20 | uint(axis) << 30);
 }
 
 // Positions of cells are packed alike wherever they are listed.
 ivec3 unpack_cell(uint packed_cell)
 {
-    return ivec3(packed_cell & 2047u, packed_cell >> 11 & 2047u, packed_cell >> 22);
+    return ivec3(packed_cell & CELL_MASK, packed_cell >> CELL_BITS & CELL_MASK, packed_cell >> 2 * CELL_BITS);
 }
 
 ivec3 pair_cell(uvec4 pair)

@@ -30,7 +30,7 @@ FoundFace find_face(ivec3 cell, vec3 n, vec3 position, bool any_side)
         best = better ? along : best;
     }
     int axis = cut_axis(record);
-    vec3 inside = position - vec3(cell);
+    vec3 inside = place_in_cell(position, cell);
     float along = axis == 0 ? inside.x : (axis == 1 ? inside.y : inside.z);
     uint beyond = axis >= 0 && along > cut_place(record) ? 6u : 0u;
     uint bit = facing + beyond;
@@ -45,11 +45,13 @@ uint face_number(FoundFace found)
     return found.bit == NONE_INDEX ? NONE_INDEX : face_index(found.record, found.bit);
 }
 
-// Whether something stands between faces of two cells that are the same or beside each other.
+// Whether something stands, or may stand, between faces of two cells that are the same or beside each other. Cells of
+// another level are not asked about.
 bool is_hidden(FoundFace a, FoundFace b)
 {
     ivec3 apart = b.cell - a.cell;
-    return ((hidden_cells(a.record, a.bit) & bits_towards(apart)) | (hidden_cells(b.record, b.bit) & bits_towards(-apart))) != 0u;
+    uint hidden = (hidden_cells(a.record, a.bit) & bits_towards(apart)) | (hidden_cells(b.record, b.bit) & bits_towards(-apart));
+    return hidden != 0u || level_of_cell(a.cell) != level_of_cell(b.cell);
 }
 
 // The voxel face that stands for the surface at a hit. Looking it up at a point moved by up to half a cell along the
@@ -58,10 +60,10 @@ bool is_hidden(FoundFace a, FoundFace b)
 uint face_at_hit(vec3 position, Hit hit, uint seed)
 {
     vec3 random = unit_vec3(seed);
-    vec3 shift = random - 0.5;
+    vec3 shift = (random - 0.5) * cell_side(position);
     vec3 moved = position + shift - hit.normal * dot(shift, hit.normal);
-    FoundFace beside = find_face(ivec3(floor(moved)), hit.normal, position, false);
-    ivec3 cell = ivec3(floor(position));
+    FoundFace beside = find_face(cell_at(moved), hit.normal, position, false);
+    ivec3 cell = cell_at(position);
     FoundFace own = find_face(cell_index(cell) == NONE_INDEX ? hit.cell : cell, hit.normal, position, true);
     bool is_seen = beside.bit != NONE_INDEX && (own.bit == NONE_INDEX || !is_hidden(own, beside));
     return face_number(is_seen ? beside : own);

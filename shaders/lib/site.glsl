@@ -33,7 +33,7 @@ Site site_of_thread()
         site.face = texelFetch(face_order_tex, list_texel(index), 0).r;
         site.seed = face_seed(site.face);
         fetch_face_place(site.face, site.position, site.normal);
-        site.origin = site.position + site.normal * RAY_START;
+        site.origin = site.position + site.normal * ray_start(site.position);
         site.shading_normal = site.normal;
 #if HAS_SHADING_NORMALS
         site.shading_normal = octahedral_decode(unpackSnorm2x16(texelFetch(face_shading_tex, list_texel(site.face), 0).r));

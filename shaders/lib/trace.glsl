@@ -14,13 +14,25 @@ layout(binding = TEX_CELL_OPACITIES) uniform sampler2D cell_opacities_tex;
 struct Hit {
     float distance;   // cells; the ray's limit when nothing was hit
     uint triangle;    // NONE_INDEX: nothing was hit
-    ivec3 cell;       // where it lies
+    ivec3 cell;       // where it lies; of the stack, where there are levels
     vec3 normal;      // unit, geometric, turned against the ray
 };
 
 #if HAS_OPACITY
 // Nearer than this (cells) a ray meets partly transparent surfaces for certain: whoever shades the hit asks the material.
 float solid_distance = 0.0;
+#endif
+
+#if LEVELS
+// The cells of a level, and those of the hole in it, seen as a ray does that goes up along every axis.
+void level_box(int level, ivec3 mirror, out ivec3 low, out ivec3 high, out ivec3 hole_low, out ivec3 hole_high)
+{
+    low = (level_first[level].xyz & ~mirror) | (-level_end[level] & mirror);
+    high = (level_end[level] & ~mirror) | (-level_first[level].xyz & mirror);
+    int finer = max(level - 1, 0);
+    hole_low = ((level_first[finer].xyz & ~mirror) | (-level_end[finer] & mirror)) >> 1;
+    hole_high = level > 0 ? ((level_end[finer] & ~mirror) | (-level_first[finer].xyz & mirror)) >> 1 : hole_low;
+}
 #endif
 
 // The first triangle that the ray meets (or, with `any_hit`, any) among those that rays of kind `ray_mask` see.
@@ -39,33 +51,74 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
     // Steps are taken in a grid that is mirrored so that they go up along every axis.
     bvec3 turned = lessThan(d, vec3(0.0));
     ivec3 mirror = -ivec3(turned);
+#if LEVELS
+    int level = LEVELS - 1;
+    ivec3 low, high, hole_low, hole_high;
+    level_box(level, mirror, low, high, hole_low, hole_high);
+    float side = level_side(level);
+    vec3 start = mix(origin, -origin, turned);
+    d = abs(d);
+    vec3 inverse = 1.0 / d;
+    vec3 enter = (vec3(low) * side - start) * inverse;
+    vec3 leave = (vec3(high) * side - start) * inverse;
+#else
     ivec3 shift = mirror & grid_size;
     vec3 start = mix(origin, vec3(grid_size) - origin, turned);
     d = abs(d);
     vec3 inverse = 1.0 / d;
     vec3 enter = -start * inverse;
     vec3 leave = (vec3(grid_size) - start) * inverse;
+#endif
     float t = max(0.0, max(enter.x, max(enter.y, enter.z)));
     float t_end = min(limit, min(leave.x, min(leave.y, leave.z)));
     if (!(t <= t_end)) {
         return hit;
     }
+#if LEVELS
+    level = level_of(origin + direction * t);
+    level_box(level, mirror, low, high, hole_low, hole_high);
+    side = level_side(level);
+    ivec3 shift = ivec3(0, 0, level_first[level].w) - level_first[level].xyz;
+    ivec3 cell = clamp(ivec3(floor((start + d * t) / side)), low, high - 1);
+#else
     ivec3 cell = clamp(ivec3(floor(start + d * t)), ivec3(0), grid_size - 1);
+#endif
     int octant = octant_bit(turned);
 
     // Two loops that take turns: step until every ray of the group stands in an occupied cell, then test triangles.
     // Software rasterizers run both sides of an `if` but leave out a loop that no ray enters.
+#if LEVELS
+    int budget = LEVELS * (grid_size.x + grid_size.y + 8) + grid_size.z;  // a straight line crosses no more cells
+#else
     int budget = grid_size.x + grid_size.y + grid_size.z + 8;  // a straight line crosses no more cells
+#endif
     bool inside = true;
+    float t_exit = t;
     vec3 along = mix(inverse, -inverse, turned);
     vec3 slack = vec3(list_slack(origin));
     while (inside) {
         bool occupied = false;
         uvec4 brick = uvec4(0u);
         uint bit = 0u;
-        float t_exit = t;
         ivec3 listed = cell;  // whose triangles come next
         while (inside && !occupied) {
+#if LEVELS
+            // Across the border of a level. Cells of the next hold eight of these, or are eight of what this one holds:
+            // which, is told by numbers, but for where along the border the ray has come in.
+            bool leaves = any(greaterThanEqual(cell, high));
+            bool enters = all(greaterThanEqual(cell, hole_low)) && all(lessThan(cell, hole_high));
+            if (leaves || enters) {
+                level += leaves ? 1 : -1;
+                inside = level < LEVELS && --budget > 0;
+                level = min(level, LEVELS - 1);
+                level_box(level, mirror, low, high, hole_low, hole_high);
+                side = level_side(level);
+                shift = ivec3(0, 0, level_first[level].w) - level_first[level].xyz;
+                ivec3 there = ivec3(floor((start + d * t_exit) / side));
+                cell = leaves ? cell >> 1 : clamp(there, 2 * cell, 2 * cell + 1);
+                continue;
+            }
+#endif
             ivec3 at = (cell ^ mirror) + shift;
             brick = texelFetch(bricks_tex, at / BRICK, 0);
             bit = brick_bit(at);
@@ -74,16 +127,27 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
             listed = at;
             // Bits of the block of 2x2x2 cells around this one.
             uint block = 0x00330033u << ((at.x & 2) + ((at.y & 2) << 2));
-            int side = (word & block) == 0u ? 2 : 1;
+            int block_side = (word & block) == 0u ? 2 : 1;
             int empty = BRICK * int(brick.w >> octant & 15u);
-            ivec3 end = empty > 0 ? (cell & -BRICK) + empty : (cell & -side) + side;
+            ivec3 end = empty > 0 ? (cell & -BRICK) + empty : (cell & -block_side) + block_side;
+#if LEVELS
+            end = min(end, high);
+            vec3 at_plane = (vec3(end) * side - start) * inverse;
+            t_exit = min(at_plane.x, min(at_plane.y, at_plane.z));
+            ivec3 next = clamp(ivec3(floor((start + d * t_exit) / side)), cell, end - 1);
+#else
             vec3 at_plane = (vec3(end) - start) * inverse;
             t_exit = min(at_plane.x, min(at_plane.y, at_plane.z));
             ivec3 next = clamp(ivec3(start + d * t_exit), cell, end - 1);
+#endif
             cell.x = at_plane.x == t_exit ? end.x : next.x;
             cell.y = at_plane.y == t_exit ? end.y : next.y;
             cell.z = at_plane.z == t_exit ? end.z : next.z;
+#if LEVELS
+            inside = t_exit < t_end && --budget > 0;
+#else
             inside = t_exit < t_end && all(lessThan(cell, grid_size)) && --budget > 0;
+#endif
         }
         uvec4 record = uvec4(0u);
         if (occupied) {
@@ -135,7 +199,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         fetch_corners(nearest, words, corner, e1, e2);
         vec3 n = normalize(cross(e1, e2));
         hit.normal = dot(n, direction) > 0.0 ? -n : n;
-        hit.cell = clamp(ivec3(floor(origin + direction * hit.distance)), ivec3(0), grid_size - 1);
+        hit.cell = nearest_cell(origin + direction * hit.distance);
     }
     return hit;
 }
@@ -155,7 +219,7 @@ void start_at(vec3 origin, vec3 position, inout vec3 direction, inout float dist
     distance *= size;
 }
 
-// From so far (cells) a ray ends within a tenth of RAY_START of where it should: a float has 24 bits.
+// From so far (cells of the receiver's level) a ray ends within a tenth of RAY_START of where it should: a float has 24 bits.
 const float MOST_EXACT = 1e3;
 
 // Whether something stands between a receiver at origin and a point on a light, `distance` cells along direction. The ray
@@ -163,8 +227,10 @@ const float MOST_EXACT = 1e3;
 // receiver is asked only where nothing is in the way.
 bool is_shaded(vec3 origin, vec3 direction, float distance, uint seed)
 {
-    bool comes = distance < MOST_EXACT;
-    vec3 start = comes ? origin + direction * (distance - RAY_START) : origin;
-    float limit = comes ? distance * (1.0 - 4e-6) - 2.0 * RAY_START : distance - RAY_START;
+    float side = cell_side(origin);
+    float gap = RAY_START * side;
+    bool comes = distance < MOST_EXACT * side;
+    vec3 start = comes ? origin + direction * (distance - gap) : origin;
+    float limit = comes ? distance * (1.0 - 4e-6) - 2.0 * gap : distance - gap;
     return is_blocked(start, comes ? -direction : direction, limit, seed);
 }

@@ -184,6 +184,18 @@ uvec2 list_entry(uint index, Triangle t)
 
 #endif
 
+// A triangle in cells of a level (lib/level.glsl): powers of two change no digit.
+Triangle in_level(Triangle t, int level)
+{
+#if LEVELS
+    float scale = 1.0 / float(1 << level);
+    t.corner *= scale;
+    t.edge_1 *= scale;
+    t.edge_2 *= scale;
+#endif
+    return t;
+}
+
 // Barycentric coordinates (of corners 1 and 2) of where a line meets the plane of a triangle, and the distance.
 // Moeller and Trumbore 1997, "Fast, Minimum Storage Ray/Triangle Intersection".
 bool intersect_plane(Triangle triangle, vec3 origin, vec3 direction, out vec2 barycentric, out float distance)

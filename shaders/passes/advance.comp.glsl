@@ -24,7 +24,7 @@ void main()
     }
     vec3 direction = pixel_ray(pixel).direction;
     vec3 position = texelFetch(position_tex, pixel, 0).xyz;
-    Hit hit = trace(position + direction * RAY_START, direction, 1e30, ray_mask, false, 0u);
+    Hit hit = trace(position + direction * ray_start(position), direction, 1e30, ray_mask, false, 0u);
     if (hit.triangle == NONE_INDEX) {
         imageStore(seen_img, pixel, uvec4(0u));
         imageStore(position_img, pixel, vec4(0.0));

@@ -177,7 +177,7 @@ void add_light(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, uint pixel_s
         vec3 side = behind ? -p.geometric_normal : p.geometric_normal;
         visible = cone_visibility(p.position, side, s.direction, tan(angle), s.distance);
 #else
-        vec3 from = behind ? p.position - p.geometric_normal * RAY_START : origin;
+        vec3 from = behind ? p.position - p.geometric_normal * ray_start(p.position) : origin;
         start_at(from, p.position, s.direction, s.distance);
         visible = is_shaded(from, s.direction, s.distance, hash(seed, sample_index)) ? 0.0 : 1.0;
 #endif
@@ -247,7 +247,7 @@ void main()
     Pixel p = fetch_pixel(at);
     if (p.is_surface) {
         vec3 direction = pixel_ray(at).direction;
-        vec3 origin = p.position + p.geometric_normal * RAY_START;
+        vec3 origin = p.position + p.geometric_normal * ray_start(p.position);
         vec3 glossy_normal = p.normal;
 #if HAS_GLOSSY
         glossy_normal = valid_reflection_normal(p.geometric_normal, -direction, p.normal);

@@ -113,7 +113,7 @@ void main()
             emitted += axis.w * found.a * world_or_black(axis.xyz);
         }
 #else
-        vec3 origin = p.position + p.geometric_normal * RAY_START;
+        vec3 origin = p.position + p.geometric_normal * ray_start(p.position);
         uint seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
         uvec2 shift = pixel_shift(at, random_seed);
 #if HAS_GUIDES

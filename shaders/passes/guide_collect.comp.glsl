@@ -66,7 +66,7 @@ void main()
         vec3 position;
         vec3 normal;
         fetch_face_place(face, position, normal);
-        uvec2 shift = link_shift(position + normal * RAY_START, normal, random_seed);
+        uvec2 shift = link_shift(position + normal * ray_start(position), normal, random_seed);
         for (uint q = 0u; q < link_count / 4u; ++q) {
             uvec4 links = texelFetch(links_tex, list_texel(face * (link_count / 4u) + q), 0);
             for (int k = 0; k < 4; ++k) {

@@ -73,7 +73,8 @@ bool shades(vec3 origin, vec3 direction, float distance, uint seed)
 // NONE_INDEX where there is no surface, or it is hidden from the first point.
 Site site_point(Site site, uint k)
 {
-    vec3 place = site.position;
+    float side = cell_side(site.position);
+    vec3 place = site.position / side;
     vec3 cell = floor(place);
     int axis = dominant_axis(site.normal);
     int right = (axis + 1) % 3;
@@ -86,11 +87,12 @@ Site site_point(Site site, uint k)
     shift[axis] = -dot(shift, site.normal) / site.normal[axis];
     float depth = place[axis] + shift[axis] - cell[axis];
     bool is_there = k > 0u && depth >= 0.0 && depth <= 1.0;
+    shift *= side;
     float size = length(shift);
     vec3 origin = site.origin;
     vec3 direction = shift / max(size, 1e-6);
     for (int look = 0; look < 2 && k > 0u; ++look) {  // along the surface, where nothing shall be; down, where it is
-        float reach = look == 0 ? size : 2.0 * RAY_START;
+        float reach = look == 0 ? size : 2.0 * RAY_START * side;
         bool blocked = is_shadowed(origin, direction, is_there ? reach : -1.0, hash(site.seed, k));
 #if FINDS_CHANGED
         blocked = look == 1;  // wherever there may be a point, light is looked for

@@ -71,8 +71,8 @@ void main()
         vec3 there, normal_there;
         fetch_face_place(asks ? face_number(beside) : face, there, normal_there);
         // From place to place, or to above it: what bulges hides places from each other.
-        vec3 from = around.position + around.normal * RAY_START;
-        vec3 straight = there + normal_there * RAY_START - from;
+        vec3 from = around.position + around.normal * ray_start(around.position);
+        vec3 straight = there + normal_there * ray_start(there) - from;
         float height = dot(straight, around.normal);
         vec3 along = straight - height * around.normal;
         bool is_free = !asks;

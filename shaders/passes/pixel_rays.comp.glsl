@@ -27,7 +27,8 @@ void main()
     Hit seen = trace(eye, view, 1e30, RAY_CAMERA, false, 0u);
     bool is_there = seen.triangle != NONE_INDEX && index < ray_count;
     vec3 normal = is_there ? seen.normal : vec3(0.0, 0.0, 1.0);
-    vec3 origin = eye + view * seen.distance + normal * RAY_START;
+    vec3 position = eye + view * seen.distance;
+    vec3 origin = position + normal * ray_start(position);
     Incoming found = Incoming(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     float share = 1.0 / float(ray_count);
 #if GATHER_CONES

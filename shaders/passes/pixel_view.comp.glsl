@@ -34,7 +34,7 @@ float free_share(Pixel p, vec3 origin, uvec2 shift, uint seed)
         if (value > 0.0 && min(dot(p.normal, s.direction), dot(p.geometric_normal, s.direction)) > 0.0) {
             bool casts = (light.flags & LIGHT_CASTS_SHADOW) != 0u;
             start_at(origin, p.position, s.direction, s.distance);
-            free += casts && is_blocked(origin, s.direction, s.distance - RAY_START, hash(seed, i)) ? 0.0 : value;
+            free += casts && is_blocked(origin, s.direction, s.distance - ray_start(p.position), hash(seed, i)) ? 0.0 : value;
         }
     }
     return all > 0.0 ? free / all : 0.0;
@@ -63,7 +63,7 @@ void main()
     Pixel p = fetch_pixel(at);
     vec4 value = vec4(0.0);
     if (p.is_surface) {
-        vec3 origin = p.position + p.geometric_normal * RAY_START;
+        vec3 origin = p.position + p.geometric_normal * ray_start(p.position);
         uint seed = hash(uint(at.x) | uint(at.y) << 16, random_seed + sample_index);
         value = vec4(vec3(free_share(p, origin, pixel_shift(at, random_seed), seed)), 1.0);
     }

@@ -128,7 +128,7 @@ void main()
         }
         if (leaves && max_component(weight) > 0.0) {
             throughput *= weight;
-            vec3 origin = p.position + side * RAY_START;
+            vec3 origin = p.position + side * ray_start(p.position);
             uint ray_mask = passes ? RAY_TRANSMISSION : RAY_GLOSSY;
             float reach = 0.0;
 #if HAS_LAYERS

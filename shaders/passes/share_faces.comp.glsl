@@ -37,7 +37,7 @@ void main()
         return;
     }
     Surroundings around = surroundings(face);
-    FoundFace here = find_face(ivec3(floor(around.position)), around.normal, around.position, true);
+    FoundFace here = find_face(cell_at(around.position), around.normal, around.position, true);
     vec3 own = face_radiance(face);
     vec3 incoming = own;
     for (int k = 0; k < 8; ++k) {

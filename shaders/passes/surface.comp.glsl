@@ -8,6 +8,7 @@
 
 #include "lib/geometry.glsl"
 #include "lib/closure.glsl"
+#include "lib/level.glsl"
 #include "lib/ray.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
@@ -102,7 +103,8 @@ void main()
     // past one of them.
     float longest = max(max(length(t.edge_1), length(t.edge_2)), length(t.edge_2 - t.edge_1));
     vec3 weights = vec3(1.0 - barycentric.x - barycentric.y, barycentric);
-    weights = max(weights, min(2.0 * RAY_START / max(longest, 1e-20), 0.3));
+    float gap = 2.0 * ray_start(ray.origin + ray.direction * distance);
+    weights = max(weights, min(gap / max(longest, 1e-20), 0.3));
     barycentric = weights.yz / (weights.x + weights.y + weights.z);
     vec3 position = t.corner + t.edge_1 * barycentric.x + t.edge_2 * barycentric.y;
     float footprint = ray.width + ray.spread * length(position - ray.origin);

@@ -54,7 +54,9 @@ void main()
 
     vec2 barycentric;
     float distance;
-    intersect_plane(triangle, vec3(cell) + inside + normal, -normal, barycentric, distance);
+    int level = level_of_cell(cell);
+    vec3 place = (vec3(from_stack(cell, level)) + inside) * level_side(level);
+    intersect_plane(triangle, place + normal, -normal, barycentric, distance);
     barycentric = max(barycentric, 0.0);
     barycentric /= max(1.0, barycentric.x + barycentric.y);
     // As seen from 57 degrees, where surfaces reflect about what they do on average over the hemisphere: the angle at
@@ -62,7 +64,7 @@ void main()
     vec3 tangent, bitangent;
     basis(normal, tangent, bitangent);
     vec3 view = VIEW_COSINE * normal + sqrt(1.0 - VIEW_COSINE * VIEW_COSINE) * tangent;
-    ShadingPoint point = shading_point(triangle, barycentric, view, sqrt(area));
+    ShadingPoint point = shading_point(triangle, barycentric, view, sqrt(area) * level_side(level));
     Surface surface = surface_at(triangle, point);
     // Light goes straight through glass here, losing what is reflected on average.
     vec3 glass = specular_directional_albedo(surface.glass_f0, surface.glass_f90, surface.glass_ior,

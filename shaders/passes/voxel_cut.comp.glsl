@@ -103,12 +103,12 @@ struct Seen {
     uvec3 beyond_x, beyond_y, beyond_z, plus, minus;
 };
 
-Seen sum_seen(uint first, uint end, vec3 wall, vec3 corner)
+Seen sum_seen(uint first, uint end, vec3 wall, vec3 corner, int level)
 {
     Seen seen = Seen(uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u));
     for (uint k = first; k < end; ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg);
+        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
         uvec3 mask = axis_mask(part.facing);
         vec3 low, high;
         bounds_inside(t, corner, low, high);
@@ -172,13 +172,13 @@ struct Sides {
     uvec3 near, far;
 };
 
-Sides sum_sides(uint first, uint end, Cut cut, vec3 corner)
+Sides sum_sides(uint first, uint end, Cut cut, vec3 corner, int level)
 {
     Sides sides = Sides(uvec3(0u), uvec3(0u));
     float place = float(cut.units) / CUT_UNITS;
     for (uint k = first; k < end; ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg);
+        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
         uvec3 mask = axis_mask(part.facing);
         vec3 low, high;
         bounds_inside(t, corner, low, high);
@@ -231,7 +231,9 @@ void main()
     if (first >= end) {
         return;
     }
-    vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(crowd_cell), 0).r));
+    ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(crowd_cell), 0).r);
+    int level = level_of_cell(cell);
+    vec3 corner = vec3(from_stack(cell, level));
 #if CROWD_STEP == 0
     for (uint k = first; k < end; ++k) {
         add_to_crowd(unpack_part(texelFetch(parts_tex, list_texel(k), 0)));
@@ -240,7 +242,7 @@ void main()
     Areas sums = crowd_areas();
     Walls walls = find_walls(sums);
 #if CROWD_STEP == 1
-    Seen seen = sum_seen(first, walls.may_be_cut ? end : first, walls.place, corner);
+    Seen seen = sum_seen(first, walls.may_be_cut ? end : first, walls.place, corner, level);
     add_to_crowd(CROWD_CUT, seen.beyond_x);
     add_to_crowd(CROWD_CUT + 3u, seen.beyond_y);
     add_to_crowd(CROWD_CUT + 6u, seen.beyond_z);
@@ -251,7 +253,7 @@ void main()
                      crowd_sum3(CROWD_CUT + 9u), crowd_sum3(CROWD_CUT + 12u));
     Cut cut = find_cut(sums, walls, seen);
 #if CROWD_STEP == 2
-    Sides sides = sum_sides(first, cut.axis >= 0 ? end : first, cut, corner);
+    Sides sides = sum_sides(first, cut.axis >= 0 ? end : first, cut, corner, level);
     add_to_crowd(CROWD_CUT + 15u, sides.near);
     add_to_crowd(CROWD_CUT + 18u, sides.far);
 #else
@@ -279,12 +281,14 @@ void main()
     if (record.y > CROWD) {
         return;
     }
-    vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(number), 0).r));
+    ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(number), 0).r);
+    int level = level_of_cell(cell);
+    vec3 corner = vec3(from_stack(cell, level));
     Areas sums = sum_areas(first, end);
     Walls walls = find_walls(sums);
-    Seen seen = sum_seen(first, walls.may_be_cut ? end : first, walls.place, corner);
+    Seen seen = sum_seen(first, walls.may_be_cut ? end : first, walls.place, corner, level);
     Cut cut = find_cut(sums, walls, seen);
-    cells[number] = facing_word(sums, cut, sum_sides(first, cut.axis >= 0 ? end : first, cut, corner));
+    cells[number] = facing_word(sums, cut, sum_sides(first, cut.axis >= 0 ? end : first, cut, corner, level));
 }
 
 #endif

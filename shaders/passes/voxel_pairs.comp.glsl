@@ -21,7 +21,7 @@ uniform uint work_count;
 uniform uint batch;
 uniform uint pair_capacity;  // what does not fit is counted all the same
 
-void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal)
+void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre, vec3 normal)
 {
 #if IS_PART
     if (!is_made_again(cell)) {
@@ -37,7 +37,7 @@ void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, 
     }
     uint number = atomicAdd(counters[batch], 1u);
     if (number < pair_capacity) {
-        uvec4 pair = pack_pair(triangle_index, cell, area, centre_grid - vec3(cell), dominant_axis(normal));
+        uvec4 pair = pack_pair(triangle_index, cell, area, centre, dominant_axis(normal));
         imageStore(pair_img, list_texel(number), pair);
     }
 }

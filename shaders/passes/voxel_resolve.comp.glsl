@@ -109,9 +109,9 @@ bool meets(vec3 start, vec3 direction, Triangle t, vec3 low, vec3 high, out floa
 
 #if HAS_SHADING_NORMALS
 // Of triangle `index` at the face's place: the mean over its part of the cell, where that is all there is.
-vec3 shading_normal(Face face, uint index)
+vec3 shading_normal(Face face, uint index, int level)
 {
-    Triangle t = fetch_triangle(index);
+    Triangle t = in_level(fetch_triangle(index), level);
     Instance instance = fetch_instance(instances_tex, t.instance);
     vec2 barycentric;
     float distance;
@@ -124,11 +124,11 @@ vec3 shading_normal(Face face, uint index)
 }
 #endif
 
-void move_to(inout Face face, vec3 start, Outermost outermost, bool is_shared)
+void move_to(inout Face face, vec3 start, Outermost outermost, bool is_shared, int level)
 {
     face.reflectance.rgb *= outermost.triangle == NONE_INDEX ? 0.0 : 1.0;  // so little that it was rounded away
     if (outermost.triangle != NONE_INDEX) {
-        Triangle t = fetch_triangle(outermost.triangle);
+        Triangle t = in_level(fetch_triangle(outermost.triangle), level);
         vec3 n = normalize(cross(t.edge_1, t.edge_2));
         face.position = start + face.normal * outermost.height;
         face.normal = dot(n, face.normal) < 0.0 ? -n : n;
@@ -140,7 +140,7 @@ void move_to(inout Face face, vec3 start, Outermost outermost, bool is_shared)
 #if HAS_SHADING_NORMALS
     face.shading_normal = face.normal;
     if (outermost.triangle != NONE_INDEX) {
-        face.shading_normal = shading_normal(face, outermost.triangle);
+        face.shading_normal = shading_normal(face, outermost.triangle, level);
     }
 #endif
 }
@@ -195,8 +195,8 @@ const uint MOST_CLIPPED = 1024u;
 // A face stands for a point where a line along its axis meets its outermost surface: the mean of curved or layered
 // surfaces lies inside them. Lines of neighbouring blocks of cells are spread evenly, so that edges of shadows are where
 // they are, on average over cells. What another side's surface covers is not outermost.
-void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, vec3 corner, vec3 low, vec3 high,
-                   bool is_shared)
+void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ivec3 cell, int level, vec3 corner,
+                   vec3 low, vec3 high, bool is_shared)
 {
     vec3 direction = plus.normal;
     vec3 column_low = mix(low, corner, abs(direction));
@@ -205,7 +205,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
     vec3 plus_start = vec3(0.0), minus_start = vec3(0.0);
     uint lines = is_shared ? SHARED_LINES : (cut_axis(record) == axis ? 0u : 1u);
     for (uint line = 0u; line < lines; ++line) {
-        vec3 start = point_of_box(uvec3(corner) / line_block, line, low, high);
+        vec3 start = point_of_box(uvec3(cell) / line_block, line, low, high);
         Outermost top = NOTHING, bottom = NOTHING;
         ListWalk walk = begin_lines(record, start, start, corner, axis);
         do {
@@ -213,7 +213,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
             for (; walk.next < walk.end; ++walk.next) {
                 uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
                 uint index = triangle_number(entry);
-                Triangle t = fetch_listed(entry);
+                Triangle t = in_level(fetch_listed(entry), level);
                 vec3 n = cross(t.edge_1, t.edge_2);
                 float distance;
                 bool met = dominant_axis(n) == axis && meets(start, direction, t, column_low, column_high, distance);
@@ -234,7 +234,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
     }
     // Where the lines miss, one through the middle of what is largest there, or else in the cell; in long lists, which
     // would take long, through the mean, or on a side, which has no mean of its own, another.
-    vec3 another = point_of_box(uvec3(corner) / line_block, SHARED_LINES, low, high);
+    vec3 another = point_of_box(uvec3(cell) / line_block, SHARED_LINES, low, high);
     for (int look = 0; look < 2; ++look) {
         bool misses_plus = above.triangle == NONE_INDEX, misses_minus = below.triangle == NONE_INDEX;
         uvec4 walked = record;
@@ -248,7 +248,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
         for (uint k = record.x; k < record.x + (walked.y <= MOST_CLIPPED ? walked.y : 0u); ++k) {
             uvec2 entry = texelFetch(cell_triangles_tex, list_texel(k), 0).rg;
             uint index = triangle_number(entry);
-            Triangle t = fetch_listed(entry);
+            Triangle t = in_level(fetch_listed(entry), level);
             vec3 n = cross(t.edge_1, t.edge_2);
             vec3 a = turn((t.corner - box_low) / size, axis);
             vec3 sums = overlap(a, a + turn(t.edge_1 / size, axis), a + turn(t.edge_2 / size, axis));
@@ -267,7 +267,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
             for (; walk.next < walk.end; ++walk.next) {
                 uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
                 uint index = triangle_number(entry);
-                Triangle t = fetch_listed(entry);
+                Triangle t = in_level(fetch_listed(entry), level);
                 vec3 n = cross(t.edge_1, t.edge_2);
                 bool is_ours = dominant_axis(n) == axis;
                 float distance;
@@ -278,12 +278,14 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ve
             }
         } while (has_runs(walk));
     }
-    move_to(plus, plus_start, above, is_shared);
-    move_to(minus, minus_start, below, is_shared);
+    move_to(plus, plus_start, above, is_shared, level);
+    move_to(minus, minus_start, below, is_shared, level);
 }
 
-void store(uint index, Face face)
+// `level`: whose cells its position is in.
+void store(uint index, Face face, int level)
 {
+    face.position *= level_side(level);
 #if HAS_SHADING_NORMALS
     imageStore(shading_img, list_texel(index), uvec4(packSnorm2x16(octahedral_encode(face.shading_normal))));
 #endif
@@ -302,7 +304,9 @@ void main()
     uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
     uint first = face_index(record, 6u * side + 2u * axis);
 
-    vec3 corner = vec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r));
+    ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r);
+    int level = level_of_cell(cell);
+    vec3 corner = vec3(from_stack(cell, level));
     vec3 low = corner, high = corner + 1.0;
     int cut = cut_axis(record);
     bool is_shared = (record.w >> (6u * (1u - side) + 2u * axis) & 1u) != 0u;
@@ -326,7 +330,7 @@ void main()
     }
     Face front = mean_face(plus, 2u * axis, corner);
     Face back = mean_face(minus, 2u * axis + 1u, corner);
-    find_surfaces(front, back, record, int(axis), corner, low, high, is_shared);
+    find_surfaces(front, back, record, int(axis), cell, level, corner, low, high, is_shared);
     // The side that nothing was made for is the back of a sheet: the same surface, turned over.
     if (plus.area == 0u) {
         front = turned_over(back);
@@ -337,6 +341,6 @@ void main()
         front.reflectance.a *= sqrt(0.5);
         back.reflectance.a *= sqrt(0.5);
     }
-    store(first, front);
-    store(first + 1u, back);
+    store(first, front, level);
+    store(first + 1u, back, level);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Voxels as the camera sees them: the side of the first occupied cell on each ray, flat, with edges. VIEW says what it
 // shows; see passes/view.py.
+// Nested levels show their own cells, whatever the size of blocks, and a hue for each level.
 // Input: the grid, its faces (HAS_FACES) and their radiance (HAS_RADIANCE), emitters (HAS_EMITTERS).
 // Output: value_img, w: 1 where there is a cell.
 
@@ -54,13 +55,51 @@ bool is_occupied(ivec3 block)
 struct Block {
     bool is_met;
     ivec3 cell;      // its lowest
+    vec3 low;        // its lowest corner
+    float side;
     float distance;  // cells
     int axis;        // that the side which is seen is perpendicular to
 };
 
+#if LEVELS
+const float INSIDE = 1e-3;  // sides of cells: so far beyond the border that a ray comes to, it looks for the next cell
+
 Block first_block(vec3 origin, vec3 direction)
 {
-    Block block = Block(false, ivec3(0), 0.0, 0);
+    Block block = Block(false, ivec3(0), vec3(0.0), 1.0, 0.0, 0);
+    vec3 d = mix(direction, vec3(1e-12), lessThan(abs(direction), vec3(1e-12)));
+    vec3 inverse = 1.0 / d;
+    bvec3 forward = greaterThan(d, vec3(0.0));
+    float widest = level_side(LEVELS - 1);
+    vec3 to_low = (vec3(level_first[LEVELS - 1].xyz) * widest - origin) * inverse;
+    vec3 to_high = (vec3(level_end[LEVELS - 1]) * widest - origin) * inverse;
+    vec3 enter = min(to_low, to_high);
+    vec3 leave = max(to_low, to_high);
+    float t = max(0.0, max(enter.x, max(enter.y, enter.z)));
+    float t_end = min(leave.x, min(leave.y, leave.z));
+    vec3 nearest = t > 0.0 ? enter : abs(d);
+    block.axis = nearest.x >= max(nearest.y, nearest.z) ? 0 : (nearest.y >= nearest.z ? 1 : 2);
+    float side = cell_side(origin + d * t);
+    int budget = LEVELS * (grid_size.x + grid_size.y + 8) + grid_size.z;
+    while (t < t_end && --budget > 0) {
+        ivec3 cell = cell_at(origin + d * (t + INSIDE * side));
+        int at = level_of_cell(cell);
+        side = level_side(at);
+        vec3 low = vec3(from_stack(cell, at)) * side;
+        if (cell_index(cell) != NONE_INDEX) {
+            block = Block(true, cell, low, side, t, block.axis);
+            break;
+        }
+        vec3 at_plane = (low + mix(vec3(0.0), vec3(side), forward) - origin) * inverse;
+        t = max(t + INSIDE * side, min(at_plane.x, min(at_plane.y, at_plane.z)));
+        block.axis = at_plane.x <= t ? 0 : (at_plane.y <= t ? 1 : 2);
+    }
+    return block;
+}
+#else
+Block first_block(vec3 origin, vec3 direction)
+{
+    Block block = Block(false, ivec3(0), vec3(0.0), float(1 << level), 0.0, 0);
     vec3 d = mix(direction, vec3(1e-12), lessThan(abs(direction), vec3(1e-12)));
     vec3 inverse = 1.0 / d;
     vec3 to_lo = -origin * inverse;
@@ -88,6 +127,7 @@ Block first_block(vec3 origin, vec3 direction)
         } else if (is_occupied(lo)) {
             block.is_met = true;
             block.cell = lo;
+            block.low = vec3(lo);
             block.distance = t;
             break;
         }
@@ -99,6 +139,7 @@ Block first_block(vec3 origin, vec3 direction)
     }
     return block;
 }
+#endif
 
 #if HAS_FACES
 // The cell's face that looks to the side that is seen, or else the one that looks most towards the viewer.
@@ -119,7 +160,7 @@ uint seen_face(ivec3 cell, vec3 position, vec3 normal, vec3 direction)
         return NONE_INDEX;
     }
     int axis = cut_axis(record);
-    bool beyond = axis >= 0 && (position - vec3(cell))[max(axis, 0)] > cut_place(record);
+    bool beyond = axis >= 0 && place_in_cell(position, cell)[max(axis, 0)] > cut_place(record);
     uint bit = beyond ? facing + 6u : facing;
     if ((record.w >> bit & 1u) == 0u) {
         bit = bit < 6u ? bit + 6u : bit - 6u;
@@ -132,13 +173,14 @@ uint seen_face(ivec3 cell, vec3 position, vec3 normal, vec3 direction)
 // What the surface behind the middle of a cell's side sends, or else that which is seen in the cell.
 vec3 emission_of(Block block, vec3 normal, vec3 origin, vec3 direction)
 {
-    vec3 start = vec3(block.cell) + 0.5 + 0.5 * normal;
+    float side = cell_side(block.low + 0.5 * block.side);
+    vec3 start = block.low + (0.5 + 0.5 * normal) * side;
     vec3 along = -normal;
-    Hit hit = trace(start, along, 1.0, RAY_ALL, false, 0u);
+    Hit hit = trace(start, along, side, RAY_ALL, false, 0u);
     if (hit.triangle == NONE_INDEX) {
-        start = origin + direction * max(block.distance - 1e-3, 0.0);
+        start = origin + direction * max(block.distance - 1e-3 * side, 0.0);
         along = direction;
-        hit = trace(start, along, 1.8, RAY_ALL, false, 0u);
+        hit = trace(start, along, 1.8 * side, RAY_ALL, false, 0u);
     }
     return hit.triangle == NONE_INDEX ? vec3(0.0) : emission_met(hit.triangle, start, along, hit.distance, 0.0).radiance;
 }
@@ -148,8 +190,14 @@ vec3 shown(Block block, vec3 position, vec3 normal, vec3 origin, vec3 direction)
 {
 #if VIEW == VIEW_VOXELS
     // A hue for each level; blocks a little apart, sides as under three lamps.
-    vec3 hue = 0.5 + 0.5 * cos(2.0 * PI * (vec3(0.0, 0.33, 0.67) + 0.17 * float(level)));
+#if LEVELS
+    int shown_level = level_of_cell(block.cell);
+    ivec3 place = block.cell;
+#else
+    int shown_level = level;
     ivec3 place = block.cell >> level;
+#endif
+    vec3 hue = 0.5 + 0.5 * cos(2.0 * PI * (vec3(0.0, 0.33, 0.67) + 0.17 * float(shown_level)));
     float apart = 0.85 + 0.15 * unit_float(hash(uint(place.x + 2048 * place.y), uint(place.z)));
     float shade = dot(abs(normal), vec3(0.65, 0.8, 1.0));
     return mix(vec3(0.6), hue, 0.6) * (apart * shade);
@@ -185,8 +233,8 @@ vec3 shown(Block block, vec3 position, vec3 normal, vec3 origin, vec3 direction)
 // How much of a pixel is not on an edge of its block's side; blocks of few pixels have none.
 float off_edges(Block block, vec3 position, vec3 direction)
 {
-    float side = float(1 << level);
-    vec3 inside = position - vec3(block.cell);
+    float side = block.side;
+    vec3 inside = position - block.low;
     vec3 to_edge = min(inside, side - inside);
     to_edge[block.axis] = side;
     float pixel = max(pixel_footprint(block.distance, direction), 1e-6);

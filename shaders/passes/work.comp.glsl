@@ -26,7 +26,7 @@ uniform ivec3 part_low;  // a box around the bricks that are made again, cells
 uniform ivec3 part_high;
 #endif
 
-void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal) {}
+void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre, vec3 normal) {}
 
 #if IS_PART
 bool may_enter_part(Triangle t)
@@ -43,7 +43,7 @@ bool is_wanted(Triangle t, uint item)
 #if IS_PART
     vec3 n = cross(t.edge_1, t.edge_2);
     int axis = dominant_axis(n);
-    ivec4 range = column_range(t, axis);
+    ivec4 range = column_range(t, axis, 0);
     vec3 a = turn(t.corner, axis);
     vec3 m = turn(n, axis);
     vec2 slope = -m.xy / m.z;
@@ -74,7 +74,17 @@ void main()
     if ((t.flags & ray_mask) == 0u) {
         return;
     }
-    uint items = item_count(t);
+#if LEVELS
+    uint items = 0u, expected = 0u;
+    for (int level = 0; level < LEVELS; ++level) {
+        Triangle there = in_level(t, level);
+        uint count_there = item_count(there, level);
+        items += count_there;
+        expected += min(expected_cells(there), 3u * uint(COLUMNS_PER_ITEM) * count_there);
+    }
+#else
+    uint items = item_count(t, 0);
+#endif
 #if IS_PART
     items = may_enter_part(t) ? items : 0u;
     uint count = 0u;
@@ -89,7 +99,10 @@ void main()
     }
     uint first = atomicAdd(counters[batch_of_material[t.material]], count);
 #if COUNT
-    atomicAdd(counters[batch_count], min(expected_cells(t), 3u * uint(COLUMNS_PER_ITEM) * count));
+#if !LEVELS
+    uint expected = min(expected_cells(t), 3u * uint(COLUMNS_PER_ITEM) * count);
+#endif
+    atomicAdd(counters[batch_count], expected);
 #else
     for (uint item = 0u; item < items; ++item) {
         if (is_wanted(t, item)) {

@@ -10,7 +10,7 @@ layout(std430, binding = BUF_RESULTS) writeonly buffer Results { vec4 results[];
 
 uniform uint count;
 
-void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre_grid, vec3 normal) {}
+void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre, vec3 normal) {}
 
 void main()
 {
