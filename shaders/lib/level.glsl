@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Nested levels: boxes of cells around the camera, each of cells twice as wide as those of the one inside it. A place
-// belongs to the finest level whose box holds it: what a finer one covers is a hole in the others, of whole bricks. Level
-// k has cells of side 2^k, numbered from the origin of grid space, so that cell c of level k + 1 holds 2 c and 2 c + 1.
+// belongs to the finest level whose box holds it: what a finer one covers is a hole in the others, of whole bricks.
+// Level k has cells of side 2^k, numbered from the origin of grid space, so that cell c of level k + 1 holds 2 c and 2 c + 1.
 // The boxes are stacked along z, and everything that is listed cell by cell knows cells of that stack alone.
 //
 // The including program gets the define
@@ -49,7 +49,8 @@ ivec3 to_stack(ivec3 cell, int level)
 bool is_in_hole(ivec3 cell, int level)
 {
     int finer = max(level - 1, 0);
-    return level > 0 && all(greaterThanEqual(cell, level_first[finer].xyz >> 1)) && all(lessThan(cell, level_end[finer] >> 1));
+    return level > 0 && all(greaterThanEqual(cell, level_first[finer].xyz >> 1)) &&
+           all(lessThan(cell, level_end[finer] >> 1));
 }
 #else
 int level_of(vec3 position) { return 0; }

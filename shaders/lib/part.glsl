@@ -2,7 +2,8 @@
 // What a triangle brings to a cell, while the scene is voxelized.
 //
 // A pair says which triangle enters which cell, with the area and the centre of what is inside:
-//     triangle | cell: x, y << 11, z << 22 (stacks of LEVELS: y << 9, z << 18) | area (float) | centre in the cell, 10 bits each, axis of the normal << 30
+//     triangle | cell: x, y << 11, z << 22 | area (float) | centre in the cell, 10 bits each, axis of the normal << 30
+// In stacks of LEVELS, which are high, the cell is x, y << 9, z << 18.
 // A part is what the pair adds to a face: area, area x reflectance and area x centre, in units of 1 / FIXED_ONE.
 // Nothing flat inside a cell is larger than two of its sides, so each takes 17 bits.
 
