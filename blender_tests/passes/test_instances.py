@@ -174,7 +174,7 @@ def test_few_bytes_are_not_shared(gpu: GpuContext) -> None:
     boxes = scenes.scene(*((shape, surface, scenes.at(3.0 * k)) for k in range(50)))
     assert not sharing.shares_triangles(boxes) and not sharing.shares_triangles(scenes.scene())
     with voxelized(gpu, boxes, unit_grid(16)) as found:
-        assert found.geometry.defines == {"HAS_INSTANCES": False}
+        assert found.geometry.defines == {"HAS_INSTANCES": False, "LEVELS": 0}
         assert not found.voxels.trace_defines["HAS_INSTANCES"]
         assert found.voxels.cell_triangles.components == 1
 

@@ -370,12 +370,12 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "links", "guides",
     ]  # fmt: skip
     assert set(passes) - {"compile"} == {
-        "materials", "geometry", "voxelize", "inject", "link", "bounce", "share faces", "guides", "visibility",
-        "surface", "light shapes", "direct", "gather", "reconstruct", "film",
+        "materials", "geometry", "voxelize", "neighbours", "inject", "link", "bounce", "share faces", "guides",
+        "visibility", "surface", "light shapes", "direct", "gather", "reconstruct", "film",
     }  # fmt: skip
     assert programs == {
         "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_cut", "voxel_resolve",
-        "face_order",
+        "face_order", "neighbours",
         "inject", "link", "bounce", "share_faces", "guide_light", "guide_collect", "guide_build", "pixel_bins",
         "surface", "light_shapes", "direct", "gather", "reconstruct", "compose", "film",
     }  # fmt: skip

@@ -37,8 +37,8 @@ def counting(text: str, index: int) -> str:
         "uint fetch_count = 0u;",
     ]
     body, mains = _MAIN.subn("void main_that_fetches()", rest)
-    if mains != 1:
-        raise ValueError(f"a shader has {mains} functions main() where one was expected")
+    if not mains:  # several: conditions choose one
+        raise ValueError("a shader has no function main()")
     tail = (
         "void main()\n{\n    main_that_fetches();\n"
         f"    uint before = atomicAdd(fetch_sums[{2 * index}], fetch_count);\n"

@@ -126,7 +126,6 @@ vec3 shading_normal(Face face, uint index, int level)
 
 void move_to(inout Face face, vec3 start, Outermost outermost, bool is_shared, int level)
 {
-    face.reflectance.rgb *= outermost.triangle == NONE_INDEX ? 0.0 : 1.0;  // so little that it was rounded away
     if (outermost.triangle != NONE_INDEX) {
         Triangle t = in_level(fetch_triangle(outermost.triangle), level);
         vec3 n = normalize(cross(t.edge_1, t.edge_2));
@@ -235,6 +234,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
     // Where the lines miss, one through the middle of what is largest there, or else in the cell; in long lists, which
     // would take long, through the mean, or on a side, which has no mean of its own, another.
     vec3 another = point_of_box(uvec3(cell) / line_block, SHARED_LINES, low, high);
+    bool lacks_plus = false, lacks_minus = false;  // there is so little of it that it was rounded away
     for (int look = 0; look < 2; ++look) {
         bool misses_plus = above.triangle == NONE_INDEX, misses_minus = below.triangle == NONE_INDEX;
         uvec4 walked = record;
@@ -259,6 +259,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
             plus_start = misses_plus && largest_plus.triangle == index ? middle : plus_start;
             minus_start = misses_minus && largest_minus.triangle == index ? middle : minus_start;
         }
+        lacks_plus = misses_plus && record.y <= MOST_CLIPPED && largest_plus.triangle == NONE_INDEX;
+        lacks_minus = misses_minus && record.y <= MOST_CLIPPED && largest_minus.triangle == NONE_INDEX;
         // One walk for all lines between the two.
         vec3 one = misses_plus ? plus_start : minus_start, other = misses_minus ? minus_start : plus_start;
         ListWalk walk = begin_lines(walked, min(one, other), max(one, other), corner, axis);
@@ -278,6 +280,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
             }
         } while (has_runs(walk));
     }
+    plus.reflectance.rgb = lacks_plus ? vec3(0.0) : plus.reflectance.rgb;
+    minus.reflectance.rgb = lacks_minus ? vec3(0.0) : minus.reflectance.rgb;
     move_to(plus, plus_start, above, is_shared, level);
     move_to(minus, minus_start, below, is_shared, level);
 }
