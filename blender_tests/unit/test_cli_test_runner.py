@@ -140,6 +140,7 @@ def test_what_all_pythons_and_drivers_say_alike_is_asked_once(
 ) -> None:
     asked = []
     monkeypatch.setenv("CONELIGHT_ALL_DRIVERS", "1")
+    monkeypatch.delenv("CONELIGHT_JOBS", raising=False)  # one after the other
     monkeypatch.setattr(runner, "has_lavapipe", lambda: True)
     monkeypatch.setattr(runner, "pythons", lambda: ["one", "two"])
     monkeypatch.setattr(runner, "run_in_window", lambda *_: runner.Totals())

@@ -64,6 +64,8 @@ Incoming incoming_from(Hit hit, vec3 origin, vec3 direction, float density, uint
 
 Incoming incoming(vec3 origin, vec3 direction, uint ray_mask, float density, uint seed)
 {
-    Hit hit = trace(origin, direction, max_distance, ray_mask, GATHER_OCCLUSION != 0, seed);
+    // What is nearest, for occlusion too: lists of triangles are in no order, and how near it is decides how far light is
+    // shared between pixels.
+    Hit hit = trace(origin, direction, max_distance, ray_mask, false, seed);
     return incoming_from(hit, origin, direction, density, seed);
 }

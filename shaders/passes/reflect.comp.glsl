@@ -144,7 +144,7 @@ void main()
             solid_distance = reach;
 #endif
 #endif
-            Hit hit = trace(origin, direction, max_distance, ray_mask, GATHER_OCCLUSION != 0, hash(seed, 3u + sample_index));
+            Hit hit = trace(origin, direction, max_distance, ray_mask, false, hash(seed, 3u + sample_index));
             // Points on emitters are drawn for what is reflected outside of glass.
             bool only_rays = passes || p.is_inside;
             float density = only_rays ? 1e30 : ggx_density(normal, view, direction, alpha);
