@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .grid import VoxelGrid
+from .places import place_in_pixel
 from .scene import CameraData, CameraKind, DoubleArray
 
 
@@ -94,19 +95,10 @@ MAX_REACH = 11
 
 
 def pixel_offset(index: int, filter_width: float) -> tuple[float, float]:
-    """Where in each pixel pass ``index`` samples, 0..1: multiples of 1/x and 1/x^2 modulo 1, x^3 = x^2 + x + 1.
-
-    A badly approximable pair, as that of the R2 sequence (lib/sampling.glsl), so they are evenly spread at any count;
-    but of another cubic field. With R2 here too, places would go together with points on lights, and the mean of a
-    pixel, which weighs passes by their places, would keep an error however many there are.
-
-    It goes both ways from the middle (0, 1, -1, 2, -2, ...), so that the mean of the places stays in the middle and the
-    picture of few passes is not shifted. A filter narrower than a pixel keeps the places near the middle.
-    """
-    place = (index + 1) // 2 if index % 2 else -(index // 2)
-    u = (0.5 + place * np.array([0.5436890126920764, 0.2955977425220848])) % 1.0
+    """Where in each pixel pass ``index`` samples, 0..1: near the middle where the filter is narrower than a pixel."""
+    x, y = place_in_pixel(index)
     side = min(1.0, 2.0 * filter_width)
-    return 0.5 + (float(u[0]) - 0.5) * side, 0.5 + (float(u[1]) - 0.5) * side
+    return 0.5 + (x - 0.5) * side, 0.5 + (y - 0.5) * side
 
 
 def filter_reach(filter_width: float) -> int:

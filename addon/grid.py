@@ -47,6 +47,21 @@ class Level:
         x, y, z = (end - first for first, end in zip(self.first, self.end, strict=True))
         return x, y, z
 
+    @property
+    def bricks(self) -> tuple[slice, slice, slice]:
+        """Where its bricks are among those of the stack, [z, y, x]."""
+        x, y, z = (side // BRICK for side in self.size)
+        layer = self.layer // BRICK
+        return slice(layer, layer + z), slice(y), slice(x)
+
+    def inside(self, coarser: Level) -> tuple[slice, slice, slice]:
+        """Where it lies among the bricks of the next coarser level, [z, y, x]."""
+        low, high = (
+            [(place // 2 - first) // BRICK for place, first in zip(corner, coarser.first, strict=True)]
+            for corner in (self.first, self.end)
+        )
+        return slice(low[2], high[2]), slice(low[1], high[1]), slice(low[0], high[0])
+
 
 @dataclass(frozen=True)
 class VoxelGrid:
@@ -68,6 +83,11 @@ class VoxelGrid:
         return (self.size[0] // BRICK, self.size[1] // BRICK, self.size[2] // BRICK)
 
     @property
+    def parts(self) -> tuple[Level, ...]:
+        """The levels; a single grid is one."""
+        return self.levels or (Level((0, 0, 0), self.size, 0),)
+
+    @property
     def grid_from_world(self) -> DoubleArray:
         """(4, 4)."""
         matrix = np.eye(4) / self.cell_size
@@ -78,10 +98,8 @@ class VoxelGrid:
     @property
     def box(self) -> DoubleArray:
         """(2, 3) what the grid covers, grid space."""
-        if not self.levels:
-            return np.array([[0.0] * 3, self.size])
-        side = 1 << (len(self.levels) - 1)
-        return np.array([self.levels[-1].first, self.levels[-1].end], np.float64) * side
+        side = 1 << (len(self.parts) - 1)
+        return np.array([self.parts[-1].first, self.parts[-1].end], np.float64) * side
 
     @property
     def defines(self) -> dict[str, object]:

@@ -218,7 +218,8 @@ class Progressive:
             self._started = self._clock()
         settings = dataclasses.replace(target.settings, reuse_frames=True) if is_draft else target.settings
         self.pipeline.want({target.output})
-        self._steps = self.pipeline.prepare(target.scene, settings, size, follows=is_draft and self._is_motion)
+        follows = is_draft and self._is_motion
+        self._steps = self.pipeline.prepare(target.scene, settings, size, follows=follows, is_draft=is_draft)
 
     def _step(self) -> bool:
         """Does one piece of work. Returns whether there is a new picture to be shown."""

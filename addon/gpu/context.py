@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
+import functools
 import sys
 import threading
 import time
@@ -17,6 +18,7 @@ import numpy as np
 
 from . import interface, loader
 from .program import ShaderError, Source, resolve
+from .put_away import PutAway
 from .state import saved_state
 
 _DISPATCH_INDIRECT_BUFFER = 0x90EE
@@ -110,7 +112,6 @@ class GpuContext:
     """
 
     def __init__(self, mgl: moderngl.Context, *, owned: bool) -> None:
-        self.mgl = mgl
         self.owned = owned
         self.memory: dict[str, int] = {}
         self.times: dict[str, PassTime] = {}
@@ -119,6 +120,12 @@ class GpuContext:
         self._changes = 0
         self._programs: dict[tuple, moderngl.Program] = {}
         self._objects: dict[int, tuple[str, Any, int]] = {}
+        self._put_away: list[tuple[str, PutAway, int]] = []  # name, content, size
+        self._connect(mgl)
+
+    def _connect(self, mgl: moderngl.Context) -> None:
+        """From now on this is ``mgl``, which is current. Raises GpuUnavailable."""
+        self.mgl = mgl
         self.renderer = str(mgl.info.get("GL_RENDERER", "unknown"))
         if mgl.version_code < 430:
             raise GpuUnavailable(
@@ -150,38 +157,34 @@ class GpuContext:
     @classmethod
     def attach(cls) -> GpuContext:
         """Wrap the GL context that is current on this thread. Raises GpuUnavailable."""
-        try:
-            source = loader.current_context_loader()
-            with _coming, saved_state(source):  # moderngl changes state when it comes
-                native = loader.current_context()
-                if native not in _attached:
-                    moderngl.init_context(source)
-                    _attached[native] = moderngl.get_context()
-                return cls(_attached[native], owned=False)
-        except GpuUnavailable:
-            raise
-        except Exception as error:
-            raise GpuUnavailable(
-                "Conelight found no OpenGL context to draw with: in Preferences > System set the backend to OpenGL "
-                f"and start Blender again ({error})"
-            ) from error
+        with _unavailable_where_it_fails(owned=False), saved_state(loader.current_context_loader()):
+            return cls(_current(), owned=False)
 
     @classmethod
     def standalone(cls) -> GpuContext:
         """Make a context of our own without a window. Use it on the thread that made it. Raises GpuUnavailable."""
-        settings: dict[str, Any] = {}
-        if sys.platform.startswith("linux"):
-            settings = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
-        try:
-            with _coming:
-                mgl = moderngl.create_context(require=430, standalone=True, **settings)
-            return cls(mgl, owned=True)
-        except GpuUnavailable:
-            raise
-        except Exception as error:
-            raise GpuUnavailable(
-                f"Conelight could not make an OpenGL 4.3 context: install or update the graphics driver ({error})"
-            ) from error
+        with _unavailable_where_it_fails(owned=True):
+            return cls(_new(), owned=True)
+
+    def put_away(self) -> None:
+        """Read all textures and buffers back, and release them and all else, a context of our own too.
+
+        Nothing but textures without mipmaps, and buffers, may be there then. :meth:`put_back` undoes it.
+        """
+        kept = [(name, PutAway.of(thing), size) for name, thing, size in self._objects.values()]
+        self.release()
+        self._put_away = kept
+
+    def put_back(self) -> None:
+        """All that was put away is there again: in the context that is current, or in a new one if it was our own.
+
+        Raises GpuUnavailable, and MemoryError: :meth:`release` lets go then of what is there.
+        """
+        kept, self._put_away = self._put_away, []
+        with _unavailable_where_it_fails(owned=self.owned):
+            self._connect(_new() if self.owned else _current())
+        for name, content, size in kept:
+            self.make(name, size, functools.partial(content.put_back, self.mgl))
 
     @contextlib.contextmanager
     def guard(self) -> Iterator[None]:
@@ -462,6 +465,41 @@ class GpuContext:
             if self._inner_times:
                 self._inner_times[-1][0] += cpu
                 self._inner_times[-1][1] += wall
+
+
+@contextlib.contextmanager
+def _unavailable_where_it_fails(*, owned: bool) -> Iterator[None]:
+    """Raises GpuUnavailable where a context cannot be had."""
+    try:
+        yield
+    except GpuUnavailable:
+        raise
+    except Exception as error:
+        raise GpuUnavailable(
+            f"Conelight could not make an OpenGL 4.3 context: install or update the graphics driver ({error})"
+            if owned
+            else "Conelight found no OpenGL context to draw with: in Preferences > System set the backend to OpenGL "
+            f"and start Blender again ({error})"
+        ) from error
+
+
+def _current() -> moderngl.Context:
+    """What moderngl makes of the GL context that is current on this thread; it changes its state."""
+    with _coming:
+        native = loader.current_context()
+        if native not in _attached:
+            moderngl.init_context(loader.current_context_loader())
+            _attached[native] = moderngl.get_context()
+        return _attached[native]
+
+
+def _new() -> moderngl.Context:
+    """A context of our own without a window, for the thread that makes it."""
+    settings: dict[str, Any] = {}
+    if sys.platform.startswith("linux"):
+        settings = {"backend": "egl", "libgl": "libGL.so.1", "libegl": "libEGL.so.1"}
+    with _coming:
+        return moderngl.create_context(require=430, standalone=True, **settings)
 
 
 def list_rectangles(

@@ -7,6 +7,7 @@ struct is printed from its declaration, so that there is one text for both sides
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,6 +36,8 @@ FACING_MASK = 0xFFF
 #: Where the last two words of a cell's record begin to say which cells are hidden from its faces; below lies the number
 #: of its first face: a texture holds no longer lists.
 HIDDEN_SHIFT = 26
+#: In the last word of a cell's record: it is cut by the plane of a triangle (lib/cut.glsl).
+CUT_IS_ASLANT = 1 << 25
 
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
@@ -64,6 +67,11 @@ BOX_FAN = 8
 #: Room for boxes: so many for each sixteen entries of lists; a long list has no more.
 BOXES_PER_16 = 3
 
+#: Bits of a cell's record for the number, in the cell's list, of the triangle whose plane cuts it (lib/cut.glsl); and
+#: the longest lists whose cells are cut so.
+CUT_ENTRY_BITS = 11
+ASLANT_LIST = 1 << CUT_ENTRY_BITS
+
 #: Triangles of a cell up to which one thread sums them up: software rasterizers end its loops after 65536 rounds.
 CROWD = 4096
 #: Triangles that a thread sums up where there are more, and words of a crowded cell's sums (lib/crowd.glsl).
@@ -91,7 +99,7 @@ TEXTURES = (
     "TEX_CELLS",  # rgba32ui 2D list: lib/grid.glsl; then boxes over long lists
     "TEX_CORNERS",  # rgba32ui list: three corners and the slot of each triangle of each mesh
     "TEX_CELL_TRIANGLES",  # r32ui 2D list: triangles of cells; rg32ui: where instances share them
-    "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them
+    "TEX_CELL_OPACITIES",  # r8 2D list: opacity of each of them; rg32ui: with outlines (lib/outline.glsl)
     "TEX_FACE_RADIANCE",  # rg32ui 2D list (lib/packed_light.glsl): radiance leaving each voxel face
     "TEX_WORLD",  # rgba32f 2D: radiance of the world, equirectangular; w: density of directions drawn by it
     "TEX_CONES",  # rgba16f 3D: six facings side by side in z, with coarser levels
@@ -283,6 +291,7 @@ EMITTER_UNITS = 1 << 24
 STRUCTS = (INSTANCE, LIGHT, EMITTER)
 
 
+@functools.cache
 def prelude() -> str:
     """GLSL text put before every shader: bindings, sizes, shared constants and structs."""
     defines: dict[str, object] = {}
@@ -304,6 +313,7 @@ def prelude() -> str:
         "FACING_MASK": f"0x{FACING_MASK:X}u",
         "FIRST_FACE_MASK": f"0x{(1 << HIDDEN_SHIFT) - 1:X}u",
         "HIDDEN_SHIFT": HIDDEN_SHIFT,
+        "CUT_IS_ASLANT": f"0x{CUT_IS_ASLANT:X}u",
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
         "FLAT_COSINE": FLAT_COSINE,
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
@@ -313,6 +323,8 @@ def prelude() -> str:
         "BOX_RUN": f"{BOX_RUN}u",
         "BOX_FAN": f"{BOX_FAN}u",
         "BOXES_PER_16": f"{BOXES_PER_16}u",
+        "CUT_ENTRY_BITS": CUT_ENTRY_BITS,
+        "ASLANT_LIST": f"{ASLANT_LIST}u",
         "CROWD": f"{CROWD}u",
         "CROWD_RUN": f"{CROWD_RUN}u",
         "CROWD_WORDS": f"{CROWD_WORDS}u",

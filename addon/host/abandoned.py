@@ -13,20 +13,24 @@ from typing import Any
 
 import bpy
 
+from .legacy import Legacy
+
 #: Arguments of :func:`free`.
-_waiting: list[tuple[Any, Any, Callable[[], None] | None]] = []
+_waiting: list[tuple[Any, Any, Callable[[], None] | None, Legacy | None]] = []
 _handler: Any = None  # of Blender, while there is something to free
 
 
-def abandon(context: Any, pipeline: Any, before: Callable[[], None] | None = None) -> None:
+def abandon(
+    context: Any, pipeline: Any, before: Callable[[], None] | None = None, legacy: Legacy | None = None
+) -> None:
     """Frees as :func:`free`: now where the context is current, else when it is again. To be called anywhere."""
     global _handler
     if sys.is_finalizing():
         return  # the context ends as well
     if context.is_current:
-        free(context, pipeline, before)
+        free(context, pipeline, before, legacy)
         return
-    _waiting.append((context, pipeline, before))
+    _waiting.append((context, pipeline, before, legacy))
     if _handler is None and not bpy.app.background:
         with contextlib.suppress(Exception):  # Blender is ending
             _handler = bpy.types.SpaceView3D.draw_handler_add(_on_draw, (), "WINDOW", "POST_PIXEL")
@@ -40,16 +44,21 @@ def free_abandoned() -> None:
             free(*entry)
 
 
-def free(context: Any, pipeline: Any, before: Callable[[], None] | None = None) -> None:
+def free(
+    context: Any, pipeline: Any, before: Callable[[], None] | None = None, legacy: Legacy | None = None
+) -> None:
     """Frees ``pipeline`` and ``context``, either of which may be None. The context must be current.
 
-    ``before``: what is to be called first, to end what was left half done in the pipeline.
+    ``before``: what is to be called first, to end what was left half done in the pipeline. ``legacy`` takes over what
+    it has made, without anything on the GPU.
     """
     if context is None:
         return
     with context.guard():
         if before is not None:
             before()
+        if legacy is not None and pipeline is not None and legacy.take_over(context, pipeline):
+            return
         if pipeline is not None:
             pipeline.release()
         context.release()

@@ -27,6 +27,9 @@ class Inbox(Protocol):
     def keep(self, film: Any, name: str) -> None:
         """Take over one of the film's outputs."""
 
+    def end(self) -> None:
+        """No more pictures come, and what is in their context is to be freed."""
+
 
 class Display(Protocol):
     """Draws the last picture that was finished. Belongs to the thread that Blender draws on, where it also ends."""
@@ -58,6 +61,11 @@ class SharedDisplay:
     def keep(self, film: Any, name: str) -> None:
         self._present.keep(film, name)
 
+    def end(self) -> None:
+        if self._present is not None:
+            self._present.release()
+        self._context = self._present = None
+
     def draw(self, box: Box) -> None:
         if self._context is None:
             return
@@ -77,6 +85,9 @@ class _ReadPixels:
     def keep(self, film: Any, name: str) -> None:
         picture = np.nan_to_num(film.read_mean(name), nan=0.0)
         self._pixels = np.clip(picture, -_LARGEST_HALF, _LARGEST_HALF)
+
+    def end(self) -> None:
+        self._pixels = None
 
     def take(self) -> np.ndarray | None:
         """The last picture; None when it was taken before."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from . import session
+from . import legacy, session
 from .backend import background_has_gl
 from .film import wanted_passes, write_passes
 from .session import RenderCancelled, Session
@@ -191,16 +191,28 @@ def _on_render_init(*_: Any) -> None:
     session.begin_render()
 
 
+@bpy.app.handlers.persistent
+def _on_load(*_: Any) -> None:
+    """Another file takes the place of this one."""
+    legacy.forget()
+
+
 def register() -> None:
     # In background all renders share Blender's context. Blender crashes where an engine asks for one and there is none.
     # In a window Blender 5 draws nothing and hears no key as long as an engine has a context of Blender's.
     ConelightEngine.bl_use_gpu_context = bpy.app.background and background_has_gl()
     bpy.utils.register_class(ConelightEngine)
     bpy.app.handlers.render_init.append(_on_render_init)
+    bpy.app.handlers.load_post.append(_on_load)
 
 
 def unregister() -> None:
-    if _on_render_init in bpy.app.handlers.render_init:
-        bpy.app.handlers.render_init.remove(_on_render_init)
+    for handlers, handler in (
+        (bpy.app.handlers.render_init, _on_render_init),
+        (bpy.app.handlers.load_post, _on_load),
+    ):
+        if handler in handlers:
+            handlers.remove(handler)
     if ConelightEngine.is_registered:
-        bpy.utils.unregister_class(ConelightEngine)
+        bpy.utils.unregister_class(ConelightEngine)  # ends viewports
+    legacy.forget()

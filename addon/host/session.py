@@ -19,6 +19,7 @@ import numpy as np
 from ..camera import filter_reach
 from ..scene import CameraData, SceneData
 from ..settings import Settings
+from . import legacy
 from .abandoned import abandon, free, free_abandoned
 from .backend import ContextThread, backend_in_use, has_own_context
 from .properties import settings_from_scene
@@ -108,6 +109,7 @@ class Session:
         self._extraction_ms = 0.0
         self._context: Any = None
         self._pipeline: Any = None
+        self._legacy: legacy.Legacy | None = None  # whose reader this has, and whose pipeline it may have
         self._render_number = -1  # of the last picture
         self._shown = (slice(None), slice(None))  # rows and columns of the film that were asked for
         #: Ends what was left half done in the pipeline, before it is freed: called where its context is current.
@@ -142,13 +144,14 @@ class Session:
         )
         self.scene = None
         if self._reader is None:
-            self._reader = SceneReader(is_preview=self.is_preview)
+            self._legacy = legacy.inherit() if self.is_live and self._pipeline is None else None
+            self._reader = self._legacy.reader if self._legacy else SceneReader(is_preview=self.is_preview)
         self.scene = self._reader.read(depsgraph, resolution, check, camera=camera, viewport=viewport)
         self._extraction_ms = 1e3 * (time.perf_counter() - start)
 
     def forget(self) -> None:
         """Lets go of the scene. To be called where an evaluation of the depsgraph is not read: its changes are lost."""
-        self.scene = self._reader = None
+        self.scene = self._reader = self._legacy = None
 
     def render(
         self,
@@ -247,15 +250,18 @@ class Session:
         free(*self._hand_over())
 
     def __del__(self) -> None:
-        self._let_go()  # this may be any thread
+        heir = None
+        if self.is_live and self.scene is not None and self._pipeline is not None:
+            heir = legacy.leave(self._reader, self.scene)
+        self._let_go(heir)  # this may be any thread
 
-    def _let_go(self) -> None:
-        """Has everything on the GPU freed, when its context is current again."""
+    def _let_go(self, heir: legacy.Legacy | None = None) -> None:
+        """Has everything on the GPU freed, when its context is current again. ``heir``: what keeps what it can."""
         context, pipeline, before = self._hand_over()
         if context is not None and not self.thread.own:
-            abandon(context, pipeline, before)
+            abandon(context, pipeline, before, heir)
             context = None
-        self.thread.end((lambda: free(context, pipeline, before)) if context is not None else None)
+        self.thread.end((lambda: free(context, pipeline, before, heir)) if context is not None else None)
 
     def _hand_over(self) -> tuple[Any, Any, Callable[[], None] | None]:
         """The context, what lives in it, and what is to be called before that is freed: no longer the session's."""
@@ -274,9 +280,27 @@ class Session:
             _, problem = backend_in_use()
             if problem is not None:
                 raise RenderFailed(problem)
+            if self._inherit():
+                return
             self._context = GpuContext.standalone() if self.thread.own else GpuContext.attach()
             with self._context.guard():
                 self._pipeline = Pipeline(self._context, is_live=self.is_live)
+
+    def _inherit(self) -> bool:
+        """Whether there is a pipeline now, as the last viewport has left it."""
+        made, self._legacy = self._legacy.claim() if self._legacy else None, None
+        if made is None:
+            return False
+        context, pipeline = made
+        try:
+            with context.guard():
+                pipeline.put_back()
+        except Exception:  # no memory for one: what is made anew may be smaller, or says why not
+            with contextlib.suppress(Exception), context.guard():
+                context.release()
+            return False
+        self._context, self._pipeline = made
+        return True
 
     def _publish_statistics(self, size: tuple[int, int], render_ms: float, first_frame_ms: float) -> None:
         global last_statistics

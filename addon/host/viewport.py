@@ -71,7 +71,7 @@ class Slices:
         with self._session.pipeline() as pipeline:
             if self.progressive is None or self.progressive.pipeline is not pipeline:
                 self.progressive = Progressive(pipeline)
-                self._session.before_release = self.progressive.stop
+                self._session.before_release = functools.partial(_end, self.progressive, self._inbox)
                 self._inbox.begin(pipeline.gpu)
                 self.renderer = pipeline.gpu.renderer
             if self.progressive.work(target, seconds):
@@ -89,6 +89,12 @@ class Slices:
             return
         with self._session.pipeline() as pipeline:
             self.rays, self._rays_of = pipeline.rays_at(asked), (asked, reported)
+
+
+def _end(progressive: Progressive, inbox: Inbox) -> None:
+    """Before a pipeline goes."""
+    progressive.stop()
+    inbox.end()
 
 
 class Viewport:

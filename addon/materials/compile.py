@@ -54,6 +54,7 @@ class MaterialFamily:
     reads_normal: bool  # bends the normal
     is_constant: bool  # nothing varies over a surface, but for the angle to the viewer
     emission_varies: bool  # over one triangle
+    transparency_varies: bool  # likewise
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,6 +266,7 @@ def _emit_material(closure: Closure, max_textures: int) -> tuple[MaterialFamily,
     results.append(f"s.coat_bends = {str(coat_bends).lower()};")
     results.append(f"s.coat_normal_ws = {_normal(emitter, closure.coat_normal) if coat_bends else 's.normal_ws'};")
     source, parameters = _function("void evaluate_material(in ShadingPoint p, out Surface s)", emitter, results)
+    transparency_varies = _varies(closure.transparency)
     family = MaterialFamily(
         source=source,
         uv_layers=len(emitter.uv_layers),
@@ -279,7 +281,8 @@ def _emit_material(closure: Closure, max_textures: int) -> tuple[MaterialFamily,
         has_transparency=not unless_zero(closure.transparency).is_literal(0.0),
         reads_normal=not default_normal,
         is_constant=default_normal and not varying,
-        emission_varies=_varies(closure.emission) or _varies(closure.transparency),
+        emission_varies=_varies(closure.emission) or transparency_varies,
+        transparency_varies=transparency_varies,
     )
     return family, emitter, parameters
 

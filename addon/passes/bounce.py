@@ -29,6 +29,8 @@ LINKS_PER_STEP = 16
 #: ones would bring is added at once.
 CHECK_EVERY = 4
 CONVERGED = 1e-3
+#: The same for a draft, which goes on from the light that was there before an edit.
+DRAFT_CHECK_EVERY, DRAFT_CONVERGED = 2, 1e-2
 
 
 def unpack_light(stored: np.ndarray) -> np.ndarray:
@@ -178,17 +180,38 @@ class BouncePass:
         irradiance: moderngl.Texture | None,
         links: LinkPass | None,
         settings: Settings,
+        *,
+        goes_on: bool = False,
     ) -> Iterator[float]:
         """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done.
 
         ``irradiance`` None: nothing was injected. ``links`` None: no bounces, only what was injected leaves the faces.
+        ``goes_on``: from the radiance that is there, and only until little changes. Which one stays where this is not
+        run to its end.
         """
-        self.release()
+        before, self.radiance = self.radiance, []
+        is_done = False
         try:
-            yield from self._steps(voxels, irradiance, links, settings)
+            yield from self._steps(voxels, irradiance, links, settings, before[0] if goes_on else None)
+            is_done = True
         finally:
-            self.gpu.free(*self.radiance[1:])
-            del self.radiance[1:]
+            made = self.radiance
+            self.radiance = made[:1] if is_done else before
+            self.gpu.free(*(made[1:] + before if is_done else made))
+
+    def renumber(self, numbers_before: np.ndarray | None) -> None:
+        """Faces have other numbers. ``numbers_before``: (faces,) uint32, NONE_INDEX for new ones, which are dark; None:
+        nothing is kept."""
+        if numbers_before is None or not self.radiance:
+            self.release()
+            return
+        with self.gpu.timed("bounce"):
+            (radiance,) = self.radiance
+            stored = np.frombuffer(radiance.read(), np.uint32).reshape(-1, 2)
+            is_new = numbers_before == interface.NONE_INDEX
+            moved = np.where(is_new[:, None], np.uint32(0), stored[np.where(is_new, 0, numbers_before)])
+            self.release()
+            self.radiance = [self.gpu.list_texture("face radiance", len(moved), 2, "u4", moved)]
 
     def _steps(
         self,
@@ -196,22 +219,29 @@ class BouncePass:
         irradiance: moderngl.Texture | None,
         links: LinkPass | None,
         settings: Settings,
+        before: moderngl.Texture | None,
     ) -> Iterator[float]:
         textures = 2 if links else 1
         self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 2, "u4") for _ in range(textures)]
         self.bounces = 0
-        self._pass(voxels, irradiance, links, first=True)
         total, change = math.inf, math.inf  # of radiance, and since the last look
+        check_every, converged = CHECK_EVERY, CONVERGED
+        if before is None:
+            self._pass(voxels, irradiance, links, first=True)
+        else:
+            self.gpu.copy(before, self.radiance[0])
+            total = self._total(voxels.faces.count)
+            check_every, converged = DRAFT_CHECK_EVERY, DRAFT_CONVERGED
         while links and self.bounces < settings.bounces:
             self.radiance.reverse()
             self._pass(voxels, irradiance, links)
             self.bounces += 1
-            if self.bounces % CHECK_EVERY == 0 and self.bounces < settings.bounces:
+            if self.bounces % check_every == 0 and self.bounces < settings.bounces:
                 after = self._total(voxels.faces.count)
                 change_before, change = change, abs(after - total)
                 total = after
-                if change <= CONVERGED * abs(after):
-                    share = (change / change_before) ** (1.0 / CHECK_EVERY) if change < change_before else 0.0
+                if change <= converged * abs(after):
+                    share = (change / change_before) ** (1.0 / check_every) if change < change_before else 0.0
                     self._add_rest(voxels, share)
                     break
             yield self.bounces / settings.bounces

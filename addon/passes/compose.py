@@ -79,7 +79,7 @@ class Film:
     def __init__(self, gpu: GpuContext) -> None:
         self.gpu = gpu
         self.samples = 0
-        self._weights = [0.0, 0.0]  # of all passes, and of every other one: see camera.filter_weights
+        self._weights = [0.0, 0.0]  # of all passes, and of half of them: see camera.filter_weights
         self.size = (0, 0)
         self._means: dict[str, moderngl.Texture] = {}
         self._value: moderngl.Texture | None = None  # of one output, in this pass

@@ -44,7 +44,7 @@ class ConeVolume:
             for level in range(LEVELS):
                 kernel = gpu.kernel("cones", voxels.grid.defines | {"FIRST": level == 0})
                 if level == 0:
-                    voxels.bind(kernel)
+                    voxels.bind_cells(kernel)
                     radiance.use(slot("TEX_FACE_RADIANCE"))
                     voxels.faces.bind()
                 else:

@@ -59,7 +59,7 @@ class Frame:
     @property
     def view(self) -> View:
         """For pass ``surface``."""
-        return View(self.camera, self.offset, self.sample, self.settings.seed)
+        return View(self.camera, self.offset, self.sample, self.settings.seed, self.settings.samples)
 
     @property
     def defines(self) -> dict[str, object]:

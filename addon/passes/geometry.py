@@ -367,12 +367,15 @@ class GeometryPass:
             draws.append(draw)
         return draws
 
+    def put_away(self) -> None:
+        """Free what ties meshes to the program that draws them: it is made again when they are drawn."""
+        for draw in self.geometry.meshes if self.geometry else ():
+            self.gpu.free(draw.vertex_array)
+            draw.vertex_array = None
+
     def release(self) -> None:
         """Free everything."""
-        if self.geometry:
-            for draw in self.geometry.meshes:
-                if draw.vertex_array is not None:
-                    self.gpu.free(draw.vertex_array)
+        self.put_away()
         self.gpu.free(*self._owned)
         self._owned = []
         self.geometry = None

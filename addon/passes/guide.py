@@ -10,6 +10,7 @@ import numpy as np
 
 from ..gpu import interface
 from ..gpu.context import GpuContext
+from ..grid import VoxelGrid
 from ..settings import Settings
 from .bounce import LinkPass
 from .voxel_numbers import guide_entries
@@ -33,6 +34,11 @@ class GuidePass:
         self._work = np.zeros(0, np.uint32)
         self._numbers: moderngl.Texture3D | None = None  # r32ui, bricks
         self._guides: moderngl.Texture | None = None  # rgba8 list
+
+    @property
+    def grid(self) -> VoxelGrid | None:
+        """Whose bricks have guides."""
+        return self._voxels.grid if self._voxels else None
 
     def run(
         self, voxels: Voxels, radiance: moderngl.Texture, links: LinkPass, world: WorldLight, settings: Settings

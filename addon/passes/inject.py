@@ -250,7 +250,8 @@ class InjectPass:
             lights.bind(kernel, settings)
             changes.bind_boxes(kernel, changes.boxes)
             reach.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
-            kernel.set(brick_count=bricks, grid_size=voxels.grid.size)
+            low, high = voxels.grid.box
+            kernel.set(**voxels.grid.uniforms, brick_count=bricks, farthest=float(np.linalg.norm(high - low)))
             kernel.run_list(bricks[0] * bricks[1] * bricks[2])
             self.gpu.barrier()  # read as a texture
         return reach

@@ -109,7 +109,8 @@ class LongLists:
         entries, owners = ranges(starts, counts), np.repeat(cells, counts)
         work = gpu.buffer("voxel work", np.stack([entries, owners], axis=1).astype(np.uint32))
         keys = gpu.buffer("voxel work", size=4 * len(entries))
-        kernel = gpu.kernel("list_keys", self._geometry.defines | {"HAS_BOXES": True}).set(work_count=len(entries))
+        kernel = gpu.kernel("list_keys", self._geometry.defines | {"HAS_BOXES": True})
+        kernel.set(**self._geometry.grid.uniforms, work_count=len(entries))
         self._bind(lists.triangles)
         work.bind_to_storage_buffer(slot("BUF_WORK"))
         keys.bind_to_storage_buffer(slot("BUF_RESULTS"))
@@ -132,7 +133,7 @@ class LongLists:
                 copies[-1].use(slot(name))
                 texture.bind_to_image(slot(unit), read=False, write=True)
         work.write(np.stack([entries, entries[order] - (first - offset)], axis=1).astype(np.uint32))
-        defines = {"HAS_FACES": lists.parts is not None, "HAS_OPACITY": lists.opacities is not None}
+        defines = {"HAS_FACES": lists.parts is not None, **lists.opacity_defines}
         kernel = gpu.kernel("list_sort", self._geometry.defines | defines).set(work_count=len(entries))
         kernel.run_list(len(entries))
         gpu.barrier()  # all that follows reads the lists
@@ -141,7 +142,7 @@ class LongLists:
     def _make_boxes(self, cells: np.ndarray) -> None:
         gpu, slot, lists = self.gpu, interface.slot, self._lists
         kernel = gpu.kernel("list_boxes", self._geometry.defines | {"HAS_BOXES": True})
-        kernel.set(box_first=self._box_first)
+        kernel.set(**self._geometry.grid.uniforms, box_first=self._box_first)
         self._bind(lists.triangles)
         lists.cells.use(slot("TEX_CELLS"))
         lists.cells.bind_to_image(slot("IMG_0"), read=True, write=True)

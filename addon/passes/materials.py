@@ -12,7 +12,7 @@ import numpy as np
 
 from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
-from ..materials.compile import CompiledMaterials, compile_materials
+from ..materials.compile import CompiledMaterials, MaterialFamily, compile_materials
 from ..materials.graph import ImageData, ImageEncoding, MaterialData
 
 _SRGB8_ALPHA8 = 0x8C43
@@ -47,6 +47,11 @@ class MaterialSet:
     @property
     def has_transparency(self) -> bool:
         return any(family.has_transparency for family in self.compiled.families)
+
+    @property
+    def has_cutouts(self) -> bool:
+        """Some triangles are transparent in parts."""
+        return any(family.transparency_varies for family in self.compiled.families)
 
     @property
     def has_transmission(self) -> bool:
@@ -185,10 +190,14 @@ class MaterialPass:
         units = int(self.gpu.mgl.info.get("GL_MAX_COMPUTE_TEXTURE_IMAGE_UNITS", 16))
         return min(interface.MAX_MATERIAL_TEXTURES, units - interface.FIRST_MATERIAL_TEXTURE)
 
+    def family(self, batch: Batch) -> MaterialFamily:
+        """What a batch's materials have in common."""
+        assert self.set is not None
+        return self.set.compiled.families[batch.family]
+
     def texts(self, batch: Batch) -> dict[str, str]:
         """The generated include ``material`` of a batch's program."""
-        assert self.set is not None
-        family = self.set.compiled.families[batch.family]
+        family = self.family(batch)
         declared = "".join(
             f"layout(binding = TEX_MATERIAL_{k}) uniform sampler2D material_texture_{k};\n"
             for k in range(family.textures)
@@ -196,8 +205,7 @@ class MaterialPass:
         return {"material": declared + family.source}
 
     def defines(self, batch: Batch) -> dict[str, object]:
-        assert self.set is not None
-        family = self.set.compiled.families[batch.family]
+        family = self.family(batch)
         return {"MATERIAL_UV_LAYERS": family.uv_layers, "MATERIAL_COLOR_LAYERS": family.color_layers}
 
     def bind(self, batch: Batch, kernel: Kernel) -> None:
@@ -226,6 +234,17 @@ class MaterialPass:
                 repeat_x=key[0], repeat_y=key[0], filter=nearest if key[1] else linear
             ))  # fmt: skip
         return self._samplers[key]
+
+    def put_away(self) -> None:
+        """Free what is made of images that are in memory as well: :meth:`put_back` makes it again."""
+        self.gpu.free(*(texture for _, texture in self._textures), *self._samplers.values())
+        self._textures, self._samplers = [], {}
+
+    def put_back(self) -> None:
+        """After :meth:`put_away`."""
+        if self.set is not None:
+            self._textures = [(image, upload_image(self.gpu, image)) for image in self.set.compiled.images]
+            self.set.textures[:] = [texture for _, texture in self._textures]
 
     def release(self) -> None:
         """Free everything."""

@@ -15,9 +15,6 @@ from ..gpu.context import GpuContext
 if TYPE_CHECKING:
     from .voxelize import Voxels
 
-if TYPE_CHECKING:
-    from .voxelize import Voxels
-
 #: Faces in one dispatch: bounds how long a step takes, so that cancelling is quick.
 FACES_PER_STEP = 1 << 14
 

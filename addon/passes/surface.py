@@ -96,6 +96,12 @@ class View:
     offset: tuple[float, float]  # where in each pixel it samples
     sample: int  # of the random sequences
     seed: int
+    samples: int  # passes that share a pixel
+
+    @property
+    def texture_scale(self) -> float:
+        """Side of what one pass sees of a pixel, in sides of a pixel: textures are averaged over no more."""
+        return float(self.samples**-0.5)
 
     @property
     def uniforms(self) -> dict[str, Any]:
@@ -246,12 +252,13 @@ class SurfacePass:
                 batch=index,
                 random_seed=(view.seed * 0x9E3779B1 + view.sample * MAX_LAYERS + behind) & 0xFFFFFFFF,
                 turn_seed=view.seed + behind,
+                texture_scale=view.texture_scale,
                 sample_index=view.sample,
                 **view.uniforms,
                 **surfaces.geometry.grid.level_uniforms,
             )
             if family.has_transparency:
-                kernel.set(last_layer=behind == MAX_LAYERS - 1)
+                kernel.set(behind=behind, last_layer=behind == MAX_LAYERS - 1)
             was_cold = kernel.is_cold
             kernel.run_indirect(self._bins, 20 * index)
             material_pass.unbind(batch)

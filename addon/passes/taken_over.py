@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import moderngl
 import numpy as np
 
+from ..edit import around_bricks, bricks_beside
 from ..gpu import interface
 from ..gpu.context import GpuContext
 from .voxel_numbers import face_counts, hidden_cells, popcount, runs, with_hidden_cells
@@ -26,10 +27,7 @@ class TakenOver:
         """``changed``: (z, y, x) bool, bricks that are made again."""
         self.voxels = voxels
         self.changed = changed.ravel()
-        padded = np.pad(changed, 1)
-        for axis in range(3):
-            padded = padded | np.roll(padded, 1, axis) | np.roll(padded, -1, axis)
-        self._grown = padded[1:-1, 1:-1, 1:-1].ravel()
+        self._grown = bricks_beside(changed, voxels.grid).ravel()
         self.texture: moderngl.Texture3D | None = None  # r8ui: ``changed``
         self._bricks = np.frombuffer(voxels.bricks.read(), np.uint32).reshape(-1, 4)
         records = np.frombuffer(voxels.cells.read(), np.uint32).reshape(-1, 4)[: voxels.cell_count]
@@ -38,11 +36,8 @@ class TakenOver:
         self._stayed = np.repeat(~self.changed, popcount(self._masks))  # of the cells before
         self.stays = np.zeros(0, bool)  # of the cells now
         self.is_beside = np.zeros(0, bool)  # of the cells now: they may see what has changed, or have changed
-        places = np.argwhere(changed)[:, ::-1] * interface.BRICK
-        none = np.zeros(3, np.int64)
-        #: A box around all that is made again, cells.
-        self.low = tuple(places.min(axis=0).tolist() if len(places) else none.tolist())
-        self.high = tuple((places.max(axis=0) + interface.BRICK).tolist() if len(places) else none.tolist())
+        #: A box around all that is made again (2, 3), grid space.
+        self.box = around_bricks(changed, voxels.grid)
 
     @property
     def marks(self) -> np.ndarray:

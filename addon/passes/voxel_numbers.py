@@ -56,16 +56,10 @@ def level_octants(occupied: np.ndarray, levels: Sequence[Level]) -> np.ndarray:
     words = np.zeros(occupied.shape, np.uint32)
     finer: Level | None = None
     for level in levels:
-        x, y, z = (side // interface.BRICK for side in level.size)
-        layer = level.layer // interface.BRICK
-        part = occupied[layer : layer + z, :y, :x].copy()
+        part = occupied[level.bricks].copy()
         if finer is not None:
-            low, high = (
-                [(place // 2 - first) // interface.BRICK for place, first in zip(corner, level.first, strict=True)]
-                for corner in (finer.first, finer.end)
-            )
-            part[low[2] : high[2], low[1] : high[1], low[0] : high[0]] = True
-        words[layer : layer + z, :y, :x] = empty_octants(part)
+            part[finer.inside(level)] = True
+        words[level.bricks] = empty_octants(part)
         finer = level
     return words
 

@@ -88,6 +88,7 @@ class Voxels:
     cell_count: int
     pair_count: int  # triangles, counted once for each cell they enter
     has_boxes: bool  # long lists of triangles do
+    has_aslant_cuts: bool  # cells do that are cut by the planes of triangles
 
     @property
     def faces(self) -> Faces:
@@ -98,9 +99,10 @@ class Voxels:
     @property
     def trace_defines(self) -> dict[str, object]:
         return {
-            "HAS_OPACITY": self.cell_opacities is not None,
+            **opacity_defines(self.cell_opacities),
             "HAS_INSTANCES": self.cell_triangles.components == 2,
             "HAS_BOXES": self.has_boxes,
+            "HAS_ASLANT_CUTS": self.has_aslant_cuts,
             **self.grid.defines,
         }
 
@@ -112,15 +114,24 @@ class Voxels:
     def bind(self, kernel: Kernel) -> None:
         """Bind everything that tracing reads."""
         slot = interface.slot
+        self.bind_cells(kernel)
         self.triangles.use(slot("TEX_TRIANGLES"))
-        self.bricks.use(slot("TEX_BRICKS"))
-        self.cells.use(slot("TEX_CELLS"))
         self.cell_triangles.use(slot("TEX_CELL_TRIANGLES"))
         if self.cell_opacities is not None:
             self.cell_opacities.use(slot("TEX_CELL_OPACITIES"))
-        kernel.set(**self.grid.uniforms)
         if self.has_boxes:
             kernel.set(box_first=self.cell_count)
+
+    def bind_cells(self, kernel: Kernel) -> None:
+        """Bind what lib/grid.glsl reads, and records of cells."""
+        self.bricks.use(interface.slot("TEX_BRICKS"))
+        self.cells.use(interface.slot("TEX_CELLS"))
+        kernel.set(**self.grid.uniforms)
+
+
+def opacity_defines(opacities: moderngl.Texture | None) -> dict[str, object]:
+    """For what reads or writes ``opacities`` of lists of triangles."""
+    return {"HAS_OPACITY": opacities is not None, "HAS_OUTLINES": opacities is not None and opacities.components == 2}
 
 
 @dataclass
@@ -132,10 +143,19 @@ class Lists:
     has_boxes: bool  # of long lists
     cursors: moderngl.Buffer  # next list entry of each cell; in the end, last words of their records
     triangles: moderngl.Texture  # r32ui, or rg32ui: lib/triangle.glsl
-    opacities: moderngl.Texture | None  # r8
+    opacities: moderngl.Texture | None  # r8, or rg32ui: lib/outline.glsl
     parts: moderngl.Texture | None  # rgba32ui: what triangles bring to faces (lib/part.glsl)
     crowded: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))  # cells of more triangles than CROWD
     crowd_sums: moderngl.Buffer | None = None  # of them: lib/crowd.glsl
+
+    @property
+    def opacity_defines(self) -> dict[str, object]:
+        """For what writes ``opacities``."""
+        return opacity_defines(self.opacities)
+
+    @property
+    def has_aslant_cuts(self) -> bool:
+        return bool((self.records[:, 3] & interface.CUT_IS_ASLANT).any())
 
 
 class VoxelizePass:
@@ -219,6 +239,7 @@ class VoxelizePass:
             old is not None
             and old.grid == geometry.grid
             and (old.cell_opacities is not None) == materials.lets_light_through
+            and (old.cell_opacities is None or (old.cell_opacities.components == 2) == materials.has_cutouts)
             and (old.lit_faces is not None) == has_faces
             and (old.lit_faces is None or (old.lit_faces.shading is not None) == geometry.has_smooth_shading)
         )
@@ -314,6 +335,7 @@ class VoxelizePass:
             cell_count=len(counts),
             pair_count=int(counts.sum()),
             has_boxes=lists.has_boxes,
+            has_aslant_cuts=lists.has_aslant_cuts,
         )
         if has_faces:
             yield from self._hide_cells(voxels, lists, places, taken, moved)
@@ -347,7 +369,7 @@ class VoxelizePass:
             )  # fmt: skip
             if taken:
                 taken.bind()
-                kernel.set(part_low=taken.low, part_high=taken.high)
+                kernel.set(part_low=taken.box[0].tolist(), part_high=taken.box[1].tolist())
             geometry.triangles.use(slot("TEX_TRIANGLES"))
             materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
             counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
@@ -433,7 +455,7 @@ class VoxelizePass:
         gpu = self.gpu
         records = cell_records(counts)
         pairs = int(counts.sum())
-        has_boxes = are_boxed(counts) and not geometry.grid.levels  # boxes are in cells of a single grid
+        has_boxes = are_boxed(counts)
         if len(records):
             cursors.write(np.ascontiguousarray(records[:, 0]))
         lists = Lists(
@@ -442,12 +464,18 @@ class VoxelizePass:
             has_boxes,
             cursors,
             gpu.list_texture("cell triangles", pairs, 2 if geometry.has_instances else 1, "u4"),
-            gpu.list_texture("cell opacities", pairs, 1, "f1") if materials.lets_light_through else None,
+            self._allocate_opacities(materials, pairs),
             gpu.list_texture("voxel parts", pairs, 4, "u4") if has_faces else None,
         )
         self._owned += [lists.cells, lists.triangles, lists.opacities]
         self._temporary.append(lists.parts)
         return lists
+
+    def _allocate_opacities(self, materials: MaterialSet, pairs: int) -> moderngl.Texture | None:
+        if not materials.lets_light_through:
+            return None
+        components, dtype = (2, "u4") if materials.has_cutouts else (1, "f1")
+        return self.gpu.list_texture("cell opacities", pairs, components, dtype)
 
     def _accumulate_kernel(
         self, geometry: Geometry, lists: Lists, material_pass: MaterialPass, batch: Batch | None
@@ -458,7 +486,8 @@ class VoxelizePass:
             return self.gpu.kernel("voxel_list", geometry.defines)
         defines = geometry.defines | {
             "HAS_FACES": lists.parts is not None,
-            "HAS_OPACITY": lists.opacities is not None,
+            **lists.opacity_defines,
+            "VARIES": material_pass.family(batch).transparency_varies,
             "FLAT_SHADING": True,
         }
         kernel = self.gpu.kernel("voxel_accumulate", material_pass.defines(batch) | defines, material_pass.texts(batch))
@@ -482,7 +511,8 @@ class VoxelizePass:
         gpu, slot = self.gpu, interface.slot
         count = len(lists.records)
         assert lists.parts is not None
-        defines = {"HAS_BOXES": False, "IS_PART": taken is not None, "IS_CROWDED": False, "CROWD_STEP": 0}
+        defines: dict[str, object] = {"HAS_BOXES": False, "HAS_ASLANT_CUTS": True}
+        defines |= {"IS_PART": taken is not None, "IS_CROWDED": False, "CROWD_STEP": 0}
         kernel = gpu.kernel("voxel_cut", geometry.defines | defines)
         work_count = count
         if taken:
@@ -518,7 +548,8 @@ class VoxelizePass:
         lists.crowd_sums.bind_to_storage_buffer(interface.slot("BUF_RESULTS"))
         self._temporary.append(lists.crowd_sums)
         for step in range(4):
-            defines = {"HAS_BOXES": False, "IS_PART": False, "IS_CROWDED": True, "CROWD_STEP": step}
+            defines: dict[str, object] = {"HAS_BOXES": False, "HAS_ASLANT_CUTS": False}
+            defines |= {"IS_PART": False, "IS_CROWDED": True, "CROWD_STEP": step}
             kernel = gpu.kernel("voxel_cut", geometry.defines | defines)
             for number, cell in enumerate(lists.crowded.tolist()):
                 kernel.set(**geometry.grid.level_uniforms, crowd=number, crowd_cell=cell)
@@ -550,7 +581,7 @@ class VoxelizePass:
         if taken:
             self.numbers_before = taken.copy_faces(gpu, lists.records, faces)
             items, _ = cell_axes(np.where(taken.stays, np.uint32(0), facings))
-        longest = max(max(level.size) for level in geometry.grid.levels or (geometry.grid,))
+        longest = max(max(level.size) for level in geometry.grid.parts)
         block = min(interface.BRICK, max(1, longest // LINE_BLOCKS))
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
@@ -563,6 +594,7 @@ class VoxelizePass:
         if faces.shading is not None:
             faces.shading.bind_to_image(slot("IMG_2"), read=False, write=True)
         defines = geometry.defines | {"HAS_SHADING_NORMALS": faces.shading is not None, "HAS_BOXES": lists.has_boxes}
+        defines["HAS_ASLANT_CUTS"] = lists.has_aslant_cuts
 
         def run(items: np.ndarray, **crowd: int) -> None:
             if len(items):

@@ -7,9 +7,16 @@ import numpy as np
 
 
 def clip(polygon: np.ndarray, axis: int, value: float, sign: float) -> np.ndarray:
-    """The part of a polygon, (N, 3), where sign * (x_axis - value) >= 0. Sutherland and Hodgman 1974."""
+    """The part of a polygon, (N, 3), where sign * (x_axis - value) >= 0."""
+    return clip_by_distance(polygon, sign * (polygon[:, axis] - value))
+
+
+def clip_by_distance(polygon: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """The part of a polygon, (N, 3), where the distances of its corners, (N,), are at least 0.
+
+    Sutherland and Hodgman 1974.
+    """
     result = []
-    distance = sign * (polygon[:, axis] - value)
     for i in range(len(polygon)):
         j = (i + 1) % len(polygon)
         if distance[i] >= 0:

@@ -70,6 +70,20 @@ class VoxelData:
         return rows[np.lexsort(rows.T[::-1])]
 
     @property
+    def ordered_records(self) -> np.ndarray:
+        """``records`` as if cells listed their triangles in order: they name those that cut cells aslant."""
+        result = self.records.copy()
+        for cell in np.flatnonzero(self.records[:, 3] & interface.CUT_IS_ASLANT):
+            first, count, _, word = self.records[cell].tolist()
+            listed = self.triangles[first : first + count]
+            places = [(14, 2047)] if word >> 12 & 3 == 3 else [(14, 31), (19, 31)]
+            for shift, mask in places:
+                place = int((listed < listed[word >> shift & mask]).sum())
+                word = word & ~(mask << shift) | place << shift
+            result[cell, 3] = word
+        return result
+
+    @property
     def face_cells(self) -> np.ndarray:
         """(faces, 3): the cell of each face."""
         return self.cells[self.faces["cell"]]
@@ -187,9 +201,9 @@ def sample(made: Pipeline, count: int) -> None:
 
 def radiance(made: Pipeline) -> np.ndarray:
     """(faces, 3): what leaves the voxel faces after all bounces."""
-    voxels = made._voxelize.voxels
+    voxels = made.voxel_light.voxelize.voxels
     assert voxels is not None
-    return unpack_light(read_list(made._bounce.radiance[0], voxels.faces.count, np.uint32))
+    return unpack_light(read_list(made.voxel_light.bounce.radiance[0], voxels.faces.count, np.uint32))
 
 
 def unit_grid(size: int | tuple[int, int, int]) -> VoxelGrid:

@@ -177,3 +177,17 @@ def test_six_cones_see_the_whole_sky(gpu: GpuContext) -> None:
     )
     with pipeline(gpu, made, scenes.settings(32, gather_mode="CONES"), (8, 8), samples=1) as ready:
         assert ready.film.read("combined")[..., :3].mean() == pytest.approx(0.6, rel=0.05)
+
+
+def test_cones_where_long_lists_have_boxes(gpu: GpuContext) -> None:
+    """A ball of many triangles in few cells, gathered by cones."""
+    made = scenes.scene(
+        (scenes.plane(2.0), scenes.diffuse(0.6)),
+        (scenes.sphere(0.1, 40), scenes.diffuse(0.6), scenes.at(1.0, 1.0, 0.2)),
+        world=scenes.world(1.0),
+        camera=scenes.camera((-1.0, -1.0, 2.0), width=0.5),
+    )
+    with pipeline(gpu, made, scenes.settings(16, gather_mode="CONES"), (8, 8), samples=1) as ready:
+        voxels = ready.voxel_light.voxelize.voxels
+        assert voxels is not None and voxels.has_boxes
+        assert ready.film.read("combined")[..., :3].mean() == pytest.approx(0.6, rel=0.05)

@@ -85,7 +85,7 @@ def test_parts_of_a_triangle(n: int, gpu: GpuContext) -> None:
 
 def table(made: Pipeline) -> np.ndarray:
     """The records of the pipeline's emitters."""
-    found: EmitterTable = made._emitters
+    found: EmitterTable = made.voxel_light.emitters
     if found.records is None:
         return np.zeros(0, interface.EMITTER.dtype)
     texels = read_list(found.records, found.count * interface.EMITTER.texels, np.uint32)
@@ -239,7 +239,7 @@ def test_an_emitter_has_two_sides_unless_its_material_says_otherwise(gpu: GpuCon
                 direct = ready.film.read("diffuse_direct").mean()
                 assert direct == pytest.approx(expected if lit else 0.0, rel=0.03)
         with pipeline(gpu, made, scenes.settings(16, bounces=0), samples=0) as ready:
-            found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+            found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
             height = found.faces["position"][:, 2]
             light = radiance(ready)[:, 0]
             floor = (found.faces["facing"] == 4) & (height < height.min() + 1)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from addon import pipeline as pipeline_module
+from addon import voxel_light
 from addon.features import Features
 from addon.gpu import interface
 from addon.gpu.context import GpuContext
@@ -165,7 +165,7 @@ def indirect(
 
     settings = scenes.settings(32, samples=samples, rays=2, use_reconstruction=False)
     with monkeypatch.context() as patch:
-        patch.setattr(pipeline_module, "Features", Chosen)
+        patch.setattr(voxel_light, "Features", Chosen)
         with pipeline(gpu, scene, settings, (24, 18), outputs=("diffuse_indirect",)) as made:
             return made.film.read("diffuse_indirect")[..., :3].astype(np.float64)
 

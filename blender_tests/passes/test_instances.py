@@ -70,7 +70,7 @@ def crowd(**more: object) -> SceneData:
 def pictures(gpu: GpuContext, made: SceneData, settings: Settings) -> dict[str, np.ndarray]:
     outputs = ("combined", "normal", "depth", "diffuse_color")
     with pipeline(gpu, made, settings, (48, 40), outputs=outputs) as ready:
-        voxels, made_geometry = ready._voxelize.voxels, ready._geometry.geometry
+        voxels, made_geometry = ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry
         assert voxels is not None and made_geometry is not None
         found = {name: ready.film.read(name) for name in outputs}
         found["shared"] = np.array(made_geometry.has_instances)
@@ -198,10 +198,10 @@ def test_only_what_may_be_in_view_is_drawn(
     for least in (10, 1000):
         monkeypatch.setattr(geometry, "LEAST_CULLED", least)
         with pipeline(gpu, made, scenes.settings(16, bounces=0), (40, 40), samples=1) as ready:
-            assert ready._geometry.geometry is not None and ready._surface.pictures is not None
-            draw = ready._geometry.geometry.meshes[0]
-            shown = draw.show(ready._camera.raster_matrix((0.5, 0.5)))
-            found[least] = shown, ready._surface.pictures.seen.read()
+            assert ready.voxel_light.geometry.geometry is not None and ready.picture.surface.pictures is not None
+            draw = ready.voxel_light.geometry.geometry.meshes[0]
+            shown = draw.show(ready.picture.camera.raster_matrix((0.5, 0.5)))
+            found[least] = shown, ready.picture.surface.pictures.seen.read()
     assert 10 < found[10][0] < 200 and found[1000][0] == 300
     assert found[10][1] == found[1000][1]
     seen = np.frombuffer(found[10][1], np.uint32).reshape(40, 40)

@@ -145,7 +145,7 @@ def nested_settings(side: int = 32, detail: float = 0.05, **values: Any) -> Sett
 
 
 def voxels_of(ready: Any) -> VoxelData:
-    return read_voxels(ready._voxelize.voxels, ready._geometry.geometry)
+    return read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)
 
 
 def sides_of_faces(found: VoxelData, made: VoxelGrid) -> np.ndarray:
@@ -210,7 +210,7 @@ def test_indirect_light_is_continuous_along_a_wall(gpu: GpuContext) -> None:
     assert steps.max() < 0.05, "no border shows"
 
 
-def test_the_same_scene_gives_the_same_bits_and_edits_start_again(gpu: GpuContext) -> None:
+def test_the_same_scene_gives_the_same_bits_whatever_came_before(gpu: GpuContext) -> None:
     """Twice from the start; and where somebody moves or paints an object, or moves the camera, as if from the start."""
     ball = scenes.sphere(0.2, 8)
 

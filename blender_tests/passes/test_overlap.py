@@ -49,6 +49,30 @@ def test_area_and_centre(kind: str, gpu: GpuContext) -> None:
     assert np.abs(expected[:, 0]).max() > (1e-4 if kind in ("tiny", "sliver") else 0.2)  # there is something to see
 
 
+@pytest.mark.parametrize("kind", ["ordinary", "tiny"])
+def test_part_above_two_planes(kind: str, gpu: GpuContext) -> None:
+    """Planes through the cell in all directions: some cut triangles, some leave all or nothing of them."""
+    triangles = triangles_near_cube(kind)
+    rng = np.random.default_rng(11)
+    normals = rng.normal(size=(2, len(triangles), 3))
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    places = rng.uniform(0.2, 0.8, (2, len(triangles), 1, 3))
+    heights = np.einsum("pnki,pni->pnk", triangles[None] - places, normals)
+    inputs = np.zeros((len(triangles), 4, 4), np.float32)
+    inputs[:, :3, :3], inputs[:, :3, 3], inputs[:, 3, :3] = triangles, heights[0], heights[1]
+    measured = map_list(gpu, test_kernel(gpu, "overlap_above"), inputs.reshape(-1, 16), 4)[:, :3]
+    expected = np.zeros((len(triangles), 3))
+    for index, triangle in enumerate(triangles):
+        polygon = reference.clip_to_cube(triangle)
+        for plane in range(2):
+            polygon = reference.clip_by_distance(
+                polygon, (polygon - places[plane, index]) @ normals[plane, index]
+            )  # fmt: skip
+        expected[index] = reference.projected_moments(polygon)
+    assert np.abs(measured - expected).max() < 2e-5
+    assert (np.abs(expected[:, 0]) > 0.0).mean() > 0.05
+
+
 def test_cells_share_a_triangle_completely(gpu: GpuContext) -> None:
     """The parts in 8 x 8 x 8 cells add up to the whole triangle, whose corners lie anywhere, also on planes."""
     rng = np.random.default_rng(3)

@@ -28,7 +28,7 @@ SIZE = (24, 18)
 
 def bits(made: Pipeline) -> dict[str, bytes]:
     """Everything that was made: faces, their light, the pictures."""
-    found = read_voxels(made._voxelize.voxels, made._geometry.geometry)  # type: ignore[arg-type]
+    found = read_voxels(made.voxel_light.voxelize.voxels, made.voxel_light.geometry.geometry)  # type: ignore[arg-type]
     kept = {"faces": found.faces.tobytes(), "masks": found.masks.tobytes(), "light": radiance(made).tobytes()}
     return kept | {name: made.film.read(name).tobytes() for name in made.film.names}
 

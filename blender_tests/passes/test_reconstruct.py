@@ -19,9 +19,10 @@ SIZE = (64, 48)
 
 def shared(ready: Pipeline, light: np.ndarray, *, index: int = 0, glossy: bool = False) -> np.ndarray:
     """``light`` ((H, W, 4) float32; w: nearness) as pixels share it in pass ``index``."""
-    surface, features = ready._surface.pictures, ready.features
+    surface, features = ready.picture.surface.pictures, ready.features
     assert surface is not None and features is not None
-    frame = Frame(index, index, Gather(index, index), ready._camera, (0.5, 0.5), surface, features, ready._settings)
+    camera, settings = ready.picture.camera, ready.picture.settings
+    frame = Frame(index, index, Gather(index, index), camera, (0.5, 0.5), surface, features, settings)
     height, width = light.shape[:2]
     source = ready.gpu.texture("light", (width, height), 4, "f4")
     source.write(np.ascontiguousarray(light, np.float32).tobytes())
@@ -88,8 +89,9 @@ def test_small_pictures_keep_their_light(gpu: GpuContext) -> None:
 def test_edges_stay(gpu: GpuContext) -> None:
     """Nothing crosses a step in depth."""
     with pipeline(gpu, steps(), scenes.settings(16), SIZE, samples=1) as ready:
-        assert ready._surface.pictures is not None
-        depth = np.frombuffer(ready._surface.pictures.position.read(), np.float32).reshape(SIZE[1], SIZE[0], 4)[..., 2]
+        pictures = ready.picture.surface.pictures
+        assert pictures is not None
+        depth = np.frombuffer(pictures.position.read(), np.float32).reshape(SIZE[1], SIZE[0], 4)[..., 2]
         upper = depth > depth.mean()
         assert 0.3 < upper.mean() < 0.7
         light = np.where(upper[..., None], 1.0, 0.0)

@@ -185,10 +185,11 @@ def test_only_sharp_gloss_has_layers(gpu: GpuContext) -> None:
 def test_layers_draw_points_of_their_own(gpu: GpuContext) -> None:
     """No layer of a pass, nor the picture itself, draws the points of another: products of them would be wrong."""
     with pipeline(gpu, wall_and_mirror(scenes.diffuse(), in_mirror=True), Settings(samples=1), (8, 8)) as ready:
-        surface, features = ready._surface.pictures, ready.features
+        surface, features = ready.picture.surface.pictures, ready.features
         assert surface is not None and features is not None
         for index in (1, 2, 7):
-            frame = Frame(index, index, Gather(index, index), ready._camera, (0.5, 0.5), surface, features, Settings())
+            camera, gather = ready.picture.camera, Gather(index, index)
+            frame = Frame(index, index, gather, camera, (0.5, 0.5), surface, features, Settings())
             layers = [_layer_frame(frame, surface, number) for number in range(4)]
             assert len({frame.sample, *(layer.sample for layer in layers)}) == 5
             assert [layer.gather.sample for layer in layers if layer.gather] == [layer.sample for layer in layers]

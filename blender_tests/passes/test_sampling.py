@@ -75,6 +75,18 @@ def test_low_discrepancy_points(gpu: GpuContext) -> None:
     assert np.abs(coarse - 16).max() <= 5
 
 
+def test_scrambled_points_are_a_net(gpu: GpuContext) -> None:
+    """Of 2^m points from a multiple of 2^m on, one lies in each of 2^m rectangles, whatever their shape."""
+    made = sampled(gpu, np.broadcast_to([0.0, 0.0, 1.0], (4096, 3)), np.zeros((4096, 2)))[:, 6:8]
+    for m in range(11):
+        for block in (0, 1):
+            points = made[block << m : block + 1 << m]
+            for k in range(m + 1):
+                found = np.floor(points * (1 << k, 1 << m - k)) @ (1 << m - k, 1)
+                assert len(set(found.tolist())) == 1 << m, (m, k)
+    assert len(np.unique(made % (1 / 64), axis=0)) > 4000  # scrambled below that too: no lattice
+
+
 def test_hashed_numbers_are_even(gpu: GpuContext) -> None:
     made = sampled(gpu, np.broadcast_to([0.0, 0.0, 1.0], (COUNT, 3)), np.zeros((COUNT, 2)))[:, 12:15]
     assert made.min() >= 0.0 and made.max() < 1.0

@@ -101,7 +101,7 @@ def test_sun(degrees: float, gpu: GpuContext) -> None:
     cosine = np.cos(angle - TILT) * (1.0 if is_above else -1.0)
     with pipeline(gpu, made, scenes.settings(12, bounces=0, use_shadows=False), samples=0) as ready:
         assert ready.features is not None and ready.features.has_smooth_shading
-        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
         lit = found.faces["facing"] == (4 if is_above else 5)
         leaving = radiance(ready)
     np.testing.assert_allclose(leaving[lit], max(cosine, 0.0) * 3.0 * 0.5 / np.pi, rtol=2e-3)
@@ -154,7 +154,7 @@ def test_emitter(side: float, gpu: GpuContext) -> None:
     )
     with pipeline(gpu, made, scenes.settings(16, bounces=0, bounce_rays=64), samples=0) as ready:
         assert ready.features is not None and ready.features.draws_emitters_at_faces is (side < 1.0)
-        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
         grid = found.voxels.grid
         place = found.faces["position"] * grid.cell_size + grid.origin
         up = (found.faces["facing"] == 4) & (place[:, 2] < 0.5)
@@ -187,7 +187,7 @@ def test_closed_smooth_room(gpu: GpuContext) -> None:
     nothing is won."""
     made = smooth_furnace(6, 0.8)
     with pipeline(gpu, made, scenes.settings(24, bounces=200, bounce_rays=32), samples=0) as ready:
-        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
         middle = np.array(found.voxels.grid.grid_from_world[:3, 3])
         inner = np.einsum("fk,fk->f", found.faces["normal"], middle - found.faces["position"]) > 0
         inner &= found.faces["weight"] > 0.01  # colours of slivers are rounded

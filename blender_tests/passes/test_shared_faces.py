@@ -26,7 +26,7 @@ def room(*, divided_by: float = 0.0) -> SceneData:
 def faces(gpu: GpuContext, scene: SceneData, resolution: int, rays: int) -> tuple[np.ndarray, np.ndarray]:
     """(N, 3) places of faces, m, and (N,) what leaves them."""
     with pipeline(gpu, scene, scenes.settings(resolution, bounce_rays=rays), samples=0) as ready:
-        voxels, geometry, grid = ready._voxelize.voxels, ready._geometry.geometry, ready.grid
+        voxels, geometry, grid = ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry, ready.grid
         assert voxels is not None and geometry is not None and grid is not None
         place = read_voxels(voxels, geometry).faces["position"] * grid.cell_size + np.asarray(grid.origin)
         return place, radiance(ready)[:, 0]

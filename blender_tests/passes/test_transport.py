@@ -17,7 +17,7 @@ from blender_tests.passes.run import pipeline, radiance, read_voxels, sample
 
 def facing_up(made: object) -> np.ndarray:
     """Which voxel faces face +z, and carry surface of their own."""
-    found = read_voxels(made._voxelize.voxels, made._geometry.geometry)  # type: ignore[attr-defined]
+    found = read_voxels(made.voxel_light.voxelize.voxels, made.voxel_light.geometry.geometry)  # type: ignore[attr-defined]
     return found.faces["facing"] == 4
 
 
@@ -48,7 +48,7 @@ def test_lights_obey_shadows_and_visibility(gpu: GpuContext) -> None:
         sun = scenes.light(LightKind.SUN, np.pi, direction=(0.0, 0.0, -1.0), **light)
         made = scenes.scene((floor, white), (roof, white, np.eye(4), roof_seen_by), lights=[sun])
         with pipeline(gpu, made, scenes.settings(24, bounces=0, use_shadows=use_shadows), samples=0) as ready:
-            found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+            found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
             low = (found.faces["facing"] == 4) & (found.face_cells[:, 2] < found.cells[:, 2].mean())
             return float(radiance(ready)[low].max())
 
@@ -101,7 +101,7 @@ def test_closed_box(albedo: float, gpu: GpuContext) -> None:
     made = scenes.scene((scenes.box(inside_out=True), scenes.glowing(albedo, 1.0 - albedo)))
     for bounces in (3, 200):
         with pipeline(gpu, made, scenes.settings(16, bounces=bounces), samples=0) as ready:
-            found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+            found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
             middle = np.array(found.voxels.grid.grid_from_world[:3, 3])
             inside = np.einsum("fk,fk->f", found.faces["normal"], middle - found.faces["position"]) > 0
             expected = (1.0 - albedo**5 if bounces == 3 else 1.0) - (1.0 - albedo)
@@ -116,7 +116,7 @@ def test_bounces_that_are_not_made(albedo: float, gpu: GpuContext) -> None:
     """Bounces stop when little changes, and what is left is added: within .05 % of all that there is."""
     made = scenes.scene((scenes.box(inside_out=True), scenes.glowing(albedo, 1.0 - albedo)))
     with pipeline(gpu, made, scenes.settings(16, bounces=1000), samples=0) as ready:
-        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
         middle = np.array(found.voxels.grid.grid_from_world[:3, 3])
         inside = np.einsum("fk,fk->f", found.faces["normal"], middle - found.faces["position"]) > 0
         np.testing.assert_allclose(radiance(ready)[inside], albedo, rtol=5e-4)
@@ -129,7 +129,7 @@ def test_many_links(gpu: GpuContext) -> None:
     room = (scenes.box(inside_out=True), scenes.glowing(0.5, 0.5))
     ball = (scenes.sphere(0.1, 24), scenes.glowing(0.5, 0.5), scenes.at(0.3, 0.2, 0.1))
     with pipeline(gpu, scenes.scene(room, ball), scenes.settings(12, bounce_rays=256), samples=0) as ready:
-        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
         grid = found.voxels.grid
         place = found.faces["position"] * grid.cell_size + grid.origin
         out = place - [0.3, 0.2, 0.1]
@@ -166,7 +166,7 @@ def test_form_factor_of_parallel_squares(gpu: GpuContext) -> None:
         camera=scenes.camera((0, 0, 1.9), width=2.0),
     )
     with pipeline(gpu, made, scenes.settings(24, bounces=1, bounce_rays=64), samples=0) as ready:
-        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
         faces = found.faces
         low = (faces["facing"] == 4) & (faces["position"][:, 2] < faces["position"][:, 2].mean())
         mean = np.average(radiance(ready)[low, 0], weights=faces["weight"][low])
@@ -183,7 +183,7 @@ def test_coarse_voxels_know_where_shadows_end(edge: float, gpu: GpuContext) -> N
         lights=[scenes.light(LightKind.SUN, np.pi, direction=(0.0, 0.0, -1.0))],
     )  # fmt: skip
     with pipeline(gpu, made, scenes.settings(8, bounces=0), samples=0) as ready:
-        faces = read_voxels(ready._voxelize.voxels, ready._geometry.geometry).faces  # type: ignore[arg-type]
+        faces = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry).faces  # type: ignore[arg-type]
         floor = (faces["facing"] == 4) & (faces["reflectance"][:, 0] > 0.5)
         found = np.average(radiance(ready)[floor, 0], weights=faces["weight"][floor])
     assert found == pytest.approx(0.5 * (1.0 - edge), abs=0.012)

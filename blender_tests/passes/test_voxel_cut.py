@@ -8,7 +8,7 @@ import pytest
 
 from addon.gpu.context import GpuContext
 from addon.grid import VoxelGrid
-from addon.scene import LightKind
+from addon.scene import LightKind, SceneData
 from blender_tests.passes import scenes
 from blender_tests.passes.run import pipeline, radiance, read_voxels, unit_grid, voxelized
 
@@ -54,7 +54,7 @@ def test_light_stays_on_its_side(gpu: GpuContext) -> None:
     wall = scenes.box((5.4, 0.2, 3.0), (5.6, 11.8, 11.8))
     made = scenes.scene((scenes.plane(11.0), WHITE, scenes.at(6.0, 6.0, 3.3)), (wall, WHITE), lights=[sun])
     with pipeline(gpu, made, scenes.settings(15, bounces=0), samples=0) as ready:
-        found = read_voxels(ready._voxelize.voxels, ready._geometry.geometry)  # type: ignore[arg-type]
+        found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
         grid = found.voxels.grid
         place = found.faces["position"] * grid.cell_size + grid.origin
         floor = (found.faces["facing"] == 4) & (np.abs(place[:, 2] - 3.3) < 1e-3)
@@ -105,3 +105,62 @@ def test_points_are_spread_over_cells(gpu: GpuContext) -> None:
         assert np.histogram(inside[:, axis], 4, (0.0, 1.0))[0].min() > 40
         for line in range(16):
             assert inside[cells[:, 1 - axis] == line, axis].mean() == pytest.approx(0.5, abs=0.1)
+
+
+def rotation(axis: tuple[float, float, float], degrees: float) -> np.ndarray:
+    """(4, 4), about an axis through the origin."""
+    x, y, z = np.array(axis) / np.linalg.norm(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    angle = np.radians(degrees)
+    matrix = np.eye(4)
+    matrix[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return matrix
+
+
+def lit_faces(gpu: GpuContext, made: SceneData, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places and normals of faces where nothing is turned, and what leaves them after all bounces."""
+    with pipeline(gpu, made, scenes.settings(16), samples=0) as ready:
+        found = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry)  # type: ignore[arg-type]
+        grid = found.voxels.grid
+        assert found.voxels.has_aslant_cuts
+        places = found.faces["position"] * grid.cell_size + grid.origin
+        return places @ matrix[:3, :3], found.faces["normal"] @ matrix[:3, :3], radiance(ready)[:, 0]
+
+
+TURNS = [((0.36, 0.48, 0.8), 17.0), ((0.36, 0.48, 0.8), 0.3), ((1.0, -0.4, 0.2), 51.0), ((0.2, 0.3, -1.0), 126.0)]
+
+
+@pytest.mark.parametrize("thickness", [1e-4, 0.02, 0.1])
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_room_behind_a_wall_aslant_stays_dark(
+    turn: tuple[tuple[float, float, float], float], thickness: float, gpu: GpuContext
+) -> None:
+    """A lamp in one of two closed rooms, all of whose walls lie aslant; that between them is thinner than a cell."""
+    matrix = rotation(*turn)
+    rooms = [scenes.box((-2.0 - 0.5 * thickness, -1, -1), (-0.5 * thickness, 1, 1), inside_out=True),
+             scenes.box((0.5 * thickness, -1, -1), (2.0 + 0.5 * thickness, 1, 1), inside_out=True)]  # fmt: skip
+    lamp = scenes.light(LightKind.POINT, 1.0, matrix[:3, :3] @ (-0.9, 0.1, 0.2))
+    made = scenes.scene(*[(room, scenes.diffuse(0.5), matrix) for room in rooms], lights=[lamp])
+    places, normals, leaving = lit_faces(gpu, made, matrix)
+    middle = np.array([1.0 + 0.5 * thickness, 0.0, 0.0])
+    lit = ((-middle - places) * normals).sum(axis=1) > 0.0
+    dark = ((middle - places) * normals).sum(axis=1) > 0.0
+    lit, dark = lit & (places[:, 0] < 0.0), dark & (places[:, 0] > 0.0)
+    assert leaving[lit].mean() > 0.02
+    assert leaving[dark].mean() < 1e-3 * leaving[lit].mean()
+
+
+@pytest.mark.parametrize("turn", TURNS)
+def test_a_lamp_in_a_box_on_a_floor(turn: tuple[tuple[float, float, float], float], gpu: GpuContext) -> None:
+    """Light does not leave a closed box of sheets, at its corners neither: the floor goes on below it in one piece."""
+    matrix = rotation(*turn)
+    floor = (scenes.plane(4.0, -0.5), scenes.diffuse(0.5), matrix)
+    box = (scenes.box((-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), scenes.diffuse(0.5), matrix @ rotation((0, 0, 1), 28.0))
+    lamp = scenes.light(LightKind.POINT, 1.0, matrix[:3, :3] @ (0.1, 0.05, 0.0))
+    made = scenes.scene(floor, box, lights=[lamp])
+    places, normals, leaving = lit_faces(gpu, made, matrix @ rotation((0, 0, 1), 28.0))
+    outside = np.abs(places + 0.01 * normals).max(axis=1) > 0.501
+    outside &= (places[:, 2] > -0.4999) | (normals[:, 2] > 0.5)  # not below the floor
+    inside = np.abs(places + 0.01 * normals).max(axis=1) < 0.499
+    assert leaving[inside].mean() > 0.02
+    assert leaving[outside].mean() < 1e-3 * leaving[inside].mean()

@@ -274,6 +274,6 @@ def test_an_even_sky_costs_nothing(gpu: GpuContext) -> None:
     """Bright above, dim below: no table, no pass for direct light."""
     values = np.concatenate([np.full((64, 256), 0.1), np.linspace(0.5, 1.0, 64)[:, None] * np.ones((1, 256))])
     with pipeline(gpu, plane_under(values), scenes.settings(8), (8, 8), samples=1) as ready:
-        assert not draws(ready) and not ready._world.is_concentrated
+        assert not draws(ready) and not ready.voxel_light.world.is_concentrated
         memory = ready.statistics()["memory"]
         assert "direct light" not in memory and memory["world"] == 768 * 384 * 16

@@ -44,7 +44,7 @@ class StandInPipeline:
         self.wanted = names
 
     def prepare(
-        self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool
+        self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool, is_draft: bool
     ) -> Iterator[Any]:
         self.prepared.append(scene)
         self.film.samples = 0

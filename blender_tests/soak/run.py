@@ -14,7 +14,7 @@ def main(texts: Sequence[str]) -> int:
         "the number of GL objects grows.",
     )  # fmt: skip
     parser.add_argument("--renders", type=int, default=1000, help="pictures in one Blender (default: %(default)s)")
-    parser.add_argument("--edits", type=int, default=2000, help="edits in a viewport (default: %(default)s)")
+    parser.add_argument("--edits", type=int, default=4000, help="edits in a viewport (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="another seed, other changes (default: %(default)s)")
     given = parser.parse_args(list(texts))
     from . import edits, renders  # Blender is not needed for --help

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -70,13 +71,18 @@ def test_uniforms(name: str) -> None:
 
 
 def test_offsets_fill_the_pixel() -> None:
-    """Evenly, and the mean of any odd number of them is the middle."""
-    offsets = np.array([pixel_offset(k, 1.5) for k in range(4095)]) - 0.5
-    assert np.abs(offsets).max() <= 0.5
-    np.testing.assert_allclose(offsets.var(axis=0), 1.0 / 12.0, rtol=0.01)
-    for count in (1, 3, 5, 17):
-        np.testing.assert_allclose(offsets[:count].mean(axis=0), 0.0, atol=1e-12)
+    """From the middle on; of 2^m from a multiple of 2^m on, each rectangle of 2^-m of the pixel has one, whatever its
+    shape."""
+    assert pixel_offset(0, 1.5) == (0.5, 0.5)
+    offsets = np.array([pixel_offset(k, 1.5) for k in range(4096)])
+    for m in range(9):
+        for block in (0, 3, 5):
+            places = offsets[block << m : block + 1 << m]
+            for k in range(m + 1):
+                found = np.floor(places * (1 << k, 1 << m - k)) @ (1 << m - k, 1)
+                assert len(set(found.tolist())) == 1 << m, (m, k)
     assert pixel_offset(7, 0.0) == (0.5, 0.5)
+    assert np.abs(offsets.mean(axis=0) - 0.5).max() < 1e-4
     assert np.abs(np.array([pixel_offset(k, 0.1) for k in range(64)]) - 0.5).max() <= 0.1
 
 
@@ -100,13 +106,37 @@ def test_a_narrow_filter_takes_its_own_pixel() -> None:
     assert len(filter_weights(0.5, 10.0)) == 2 * MAX_REACH + 1
 
 
+def sobol(count: int) -> np.ndarray:
+    """(count, 2) points of the Sobol sequence, by recurrence: what lib/sampling.glsl scrambles for lights."""
+    pascal = [1 << 31]
+    for _ in range(31):
+        pascal.append(pascal[-1] ^ pascal[-1] >> 1)
+    points = np.zeros((count, 2), np.uint64)
+    for k in range(count.bit_length() - 1):
+        points[1 << k : 2 << k] = points[: 1 << k] ^ np.array([1 << 31 - k, pascal[k]], np.uint64)
+    return points
+
+
+def test_places_and_points_on_lights_fill_four_dimensions() -> None:
+    """What is seen where shadows end depends on both. Of 2^8 passes each box of 2^-5 in four dimensions has 8, whatever
+    its shape. (Scrambling keeps that: points on lights are not scrambled here.)"""
+    count = 256
+    places = np.array([pixel_offset(k, 1.5) for k in range(count)])
+    points = np.concatenate([places, sobol(count) / 2**32], axis=1)
+    for digits in (each for each in itertools.product(range(6), repeat=4) if sum(each) == 5):
+        boxes = np.floor(points * np.exp2(digits)).astype(int)
+        _, found = np.unique(boxes, axis=0, return_counts=True)
+        assert len(found) == 32 and (found == 8).all(), digits
+
+
 def test_places_in_pixels_do_not_go_together_with_points_on_lights() -> None:
     """The film weighs passes by their places; what a neighbour brings on the whole is the mean of what it finds."""
     count, middle = 8192, filter_reach(1.5)
     places = [pixel_offset(k, 1.5) for k in range(count)]
     weights = np.array([filter_weights(x, 1.5)[middle + 1] * filter_weights(y, 1.5)[middle] for x, y in places])
     numbers = np.array([3242174889, 2447445414], np.uint64)  # of lib/sampling.glsl
+    shifted = np.arange(count, dtype=np.uint64)[:, None] * numbers
     for shift in np.random.default_rng(1).integers(0, 2**32, (20, 2), dtype=np.uint64):
-        points = (shift + np.arange(count, dtype=np.uint64)[:, None] * numbers) % 2**32 / 2**32
-        brought = points[:, 0] * (points[:, 1] < 0.5)  # a light half behind something
-        assert abs((weights * brought).mean() / weights.mean() - 0.25) < 0.01
+        for points in ((shift + shifted) % 2**32 / 2**32, (shift ^ sobol(count)) / 2**32):
+            brought = points[:, 0] * (points[:, 1] < 0.5)  # a light half behind something
+            assert abs((weights * brought).mean() / weights.mean() - 0.25) < 0.01

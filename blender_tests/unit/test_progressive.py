@@ -51,10 +51,11 @@ class Counting:
         self.wanted = names
 
     def prepare(
-        self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool
+        self, scene: SceneData, settings: Settings, size: tuple[int, int], *, follows: bool, is_draft: bool
     ) -> Iterator[Any]:
+        assert is_draft == settings.reuse_frames
         self.log.append((scene, size))
-        self.drafts.append((settings.reuse_frames, follows))
+        self.drafts.append((is_draft, follows))
         yield from self._steps(self._preparation, "Voxelizing")
         self.film.samples, self.film.is_converged, self._size = 0, False, size
 

@@ -16,11 +16,15 @@ WINDOW = ("--window-geometry", "0", "0", "1280", "800")
 SMALL_WINDOW = ("--window-geometry", "0", "0", "640", "480")  # pictures of viewports take long without a GPU
 BLENDER = os.environ.get("CONELIGHT_BLENDER_WINDOW", "")
 
+#: Seconds that a case may take: edits at random are made as long as they are asked for, and then once more for
+#: comparison.
+LIMIT = 800.0 + 3.0 * float(os.environ.get("CONELIGHT_RANDOM_SECONDS", "0"))
+
 MARKS = [
     pytest.mark.skipif(not BLENDER, reason="CONELIGHT_BLENDER_WINDOW names no Blender: no test in a window"),
     pytest.mark.skipif(not os.environ.get("DISPLAY"), reason="there is no display: no test in a window"),
     pytest.mark.slow,
-    pytest.mark.timeout(900),
+    pytest.mark.timeout(LIMIT + 100.0),
 ]
 
 
@@ -34,7 +38,7 @@ def drive(driver: str, case: str, archive: str, folder: pathlib.Path, *options: 
     ]
     result = subprocess.run(
         command, env={**environ, "BLENDER_USER_RESOURCES": str(resources)}, capture_output=True, text=True,
-        timeout=800, check=False,
+        timeout=LIMIT, check=False,
     )
     printed = result.stdout + result.stderr
     assert result.returncode == 0, printed

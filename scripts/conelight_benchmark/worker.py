@@ -120,10 +120,11 @@ def _prepare_cycles(scene: Any, job: Job) -> None:
 
 
 def _warm_up(scene: Any, job: Job) -> None:
-    """A tiny picture with few voxels and samples, by the same programs: some of ours run only in later passes."""
+    """A tiny picture with few samples, by the same programs: some of ours run only in later passes, and which they are
+    may depend on the voxels."""
     scene.render.resolution_x, scene.render.resolution_y = WARM_UP_SIZE
     ours = getattr(scene, "conelight", None)
-    names = [(ours, "voxel_auto", False), (ours, "voxel_resolution", 16), (ours, "samples", FIRST_LOOK)]
+    names = [(ours, "samples", FIRST_LOOK)]
     names += [(scene.cycles, "samples", 1), (scene.eevee, "taa_render_samples", 1)]
     kept = [(owner, name, getattr(owner, name)) for owner, name, _ in names if owner is not None]
     for owner, name, value in names:

@@ -13,11 +13,16 @@
 layout(binding = TEX_CELLS) uniform usampler2D cells_tex;  // records, then boxes
 layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;  // entries: lib/triangle.glsl
 
-// How far (cells) outside a box a ray from `origin` may meet what is in it: floats have 24 bits, and so have distances
+// How far (grid space) outside a box a ray from `origin` may meet what is in it: floats have 24 bits, and so have distances
 // and corners of triangles that hits are found by.
 float list_slack(vec3 origin)
 {
-    return RAY_START + 2e-6 * max_component(max(abs(origin), vec3(grid_size)));
+#if LEVELS
+    vec3 farthest = vec3(max(-level_first[LEVELS - 1].xyz, level_end[LEVELS - 1])) * level_side(LEVELS - 1);
+#else
+    vec3 farthest = vec3(grid_size);
+#endif
+    return RAY_START + 2e-6 * max_component(max(abs(origin), farthest));
 }
 
 #if HAS_BOXES

@@ -7,6 +7,8 @@
 // with first moments likewise. Clamps are continuous, so nothing can be lost at grazing angles, there are no vertex
 // lists, and neighbouring cells use the same numbers for the line they share.
 
+#include "lib/common.glsl"
+
 // Turn the axes so that `axis` becomes z, and back.
 vec3 turn(vec3 v, int axis)
 {
@@ -96,6 +98,58 @@ vec3 overlap(vec3 a, vec3 b, vec3 c)
     }
     if (high) {
         add_segment(sums, high_out, high_in);
+    }
+    return sums;
+}
+
+// The tip of a triangle that a plane cuts off: its corners, and how high they are over another plane.
+struct Tip {
+    bool is_above;
+    vec3 a, b, c;
+    vec3 others;
+};
+
+// `heights`: of the triangle's corners, over the plane, which are on both sides of it; `others`: over another plane.
+Tip cut_off(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 others)
+{
+    bvec3 above = greaterThan(heights, vec3(0.0));
+    int alone = above.y == above.z ? 0 : (above.x == above.z ? 1 : 2);
+    vec3 p = alone == 0 ? a : (alone == 1 ? b : c);
+    vec3 q = alone == 0 ? b : (alone == 1 ? c : a);
+    vec3 r = alone == 0 ? c : (alone == 1 ? a : b);
+    vec3 h = alone == 0 ? heights : (alone == 1 ? heights.yzx : heights.zxy);
+    vec3 o = alone == 0 ? others : (alone == 1 ? others.yzx : others.zxy);
+    vec2 at = h.x / (h.x - h.yz);
+    return Tip(h.x > 0.0, p, mix(p, q, at.x), mix(p, r, at.y), vec3(o.x, mix(o.xx, o.yz, at)));
+}
+
+// Whether corners lie on both sides of a plane.
+bool is_divided(vec3 heights)
+{
+    return max_component(heights) > 0.0 && min(heights.x, min(heights.y, heights.z)) <= 0.0;
+}
+
+// What of `all`, the overlap of a triangle, lies above a plane, over which its corners are so high.
+vec3 overlap_above(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 all)
+{
+    vec3 sums = max_component(heights) > 0.0 ? all : vec3(0.0);
+    for (bool cuts = is_divided(heights); cuts; cuts = false) {  // not an `if`, whose inside software rasterizers always run
+        Tip tip = cut_off(a, b, c, heights, heights);
+        sums = overlap(tip.a, tip.b, tip.c);
+        sums = tip.is_above ? sums : all - sums;
+    }
+    return sums;
+}
+
+// The same for two planes.
+vec3 overlap_above_both(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 others, vec3 all)
+{
+    vec3 above = overlap_above(a, b, c, others, all);
+    vec3 sums = max_component(heights) > 0.0 ? above : vec3(0.0);
+    for (bool cuts = is_divided(heights); cuts; cuts = false) {
+        Tip tip = cut_off(a, b, c, heights, others);
+        sums = overlap_above(tip.a, tip.b, tip.c, tip.others, overlap(tip.a, tip.b, tip.c));
+        sums = tip.is_above ? sums : above - sums;
     }
     return sums;
 }

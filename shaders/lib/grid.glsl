@@ -86,7 +86,10 @@ vec3 facing_vector(uint facing)
 
 // Cells have a record (rgba32ui): first triangle, triangle count, first face, and what faces there are: a bit for each
 // facing, and six more for those beyond the plane that cuts the cell, if one does; axis + 1 of the cut << 12, where it is
-// << 14, in 1 / CUT_UNITS of the cell's side. From HIDDEN_SHIFT on the last two words say, for faces before the plane and
+// << 14, in 1 / CUT_UNITS of the cell's side. With CUT_IS_ASLANT it is the plane of a triangle: instead of axis + 1 there
+// is ONE_CUT, and then which triangle of the cell's list it is, or else there is a second plane: 1 + whether beyond the first
+// faces lie beyond the second, then which triangle of the list each is (5 bits), then whether before the first faces lie
+// beyond the second (lib/cut.glsl). From HIDDEN_SHIFT on the last two words say, for faces before the plane and
 // for those beyond it, which of the cells beside are hidden from them: a bit for each, by the facing that looks there.
 
 const float CUT_UNITS = 255.0;
@@ -95,6 +98,11 @@ const float CUT_UNITS = 255.0;
 uint face_index(uvec4 record, uint bit)
 {
     return (record.z & FIRST_FACE_MASK) + bitCount(record.w & ((1u << bit) - 1u));
+}
+
+uint facing_of_bit(uint bit)
+{
+    return bit < 6u ? bit : bit - 6u;
 }
 
 // What is hidden from the faces on the side of the cell that `bit` is on.
@@ -111,7 +119,7 @@ uint bits_towards(ivec3 apart)
     return bits.x | bits.y | bits.z;
 }
 
-// Axis that the cut is perpendicular to; -1: the cell is not cut.
+// Axis that the cut is perpendicular to; -1: the cell is not cut. (What it is where a cell is cut aslant means nothing.)
 int cut_axis(uvec4 record)
 {
     return int(record.w >> 12 & 3u) - 1;

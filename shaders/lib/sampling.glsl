@@ -3,7 +3,43 @@
 
 #include "lib/common.glsl"
 
-// Point `index` of the R2 sequence, shifted by a random amount that `seed` decides (Cranley-Patterson rotation).
+// Owen scrambling by hash: a bit of a coordinate, or of an index, is flipped or not by those more significant. `bits`:
+// with the most significant one last. Laine and Karras 2011, "Stratified Sampling for Stochastic Transparency"; the
+// constants are Vegdahl's (2021, "Building a Better LK Hash").
+uint scrambled(uint bits, uint seed)
+{
+    bits ^= bits * 0x3D20ADEAu;
+    bits = (bits + seed) * (seed >> 16 | 1u);
+    bits ^= bits * 0x05526C56u;
+    bits ^= bits * 0x53A22864u;
+    return bits;
+}
+
+// A point of the Sobol sequence's first two dimensions, by its number with reversed bits: of 2^m in a row from a
+// multiple of 2^m on, each of 2^m rectangles has one, whatever their shape. The second dimension in closed form.
+uvec2 sobol_point(uint reversed_index)
+{
+    uint y = reversed_index;
+    y ^= (y & 0x0000FFFFu) << 16;
+    y ^= (y & 0x00FF00FFu) << 8;
+    y ^= (y & 0x0F0F0F0Fu) << 4;
+    y ^= (y & 0x33333333u) << 2;
+    y ^= (y & 0x55555555u) << 1;
+    return uvec2(reversed_index, y);
+}
+
+// Point `index` of the Sobol sequence, scrambled anew for each `seed`. Burley 2020, "Practical Hash-based Owen
+// Scrambling". Places in pixels (addon/places.py) go with it.
+vec2 sample_2d(uint index, uint seed)
+{
+    uint a = hash(seed);
+    uvec2 bits = bitfieldReverse(sobol_point(bitfieldReverse(index)));
+    uvec2 point = bitfieldReverse(uvec2(scrambled(bits.x, a), scrambled(bits.y, hash(a))));
+    return vec2(unit_float(point.x), unit_float(point.y));
+}
+
+// Point `index` of the R2 sequence, shifted (Cranley-Patterson rotation), for directions over the hemisphere: with
+// `pixel_shift`, neighbours share these evenly, as they share the light that is found.
 // Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences": powers of 1 / plastic number; in integers,
 // so that no precision is lost however far the sequence goes.
 vec2 sample_2d(uint index, uvec2 shift)
@@ -12,17 +48,10 @@ vec2 sample_2d(uint index, uvec2 shift)
     return vec2(unit_float(point.x), unit_float(point.y));
 }
 
-vec2 sample_2d(uint index, uint seed)
-{
-    uint a = hash(seed);
-    return sample_2d(index, uvec2(a, hash(a)));
-}
-
 // Shifts that make neighbouring pixels share the unit square evenly: in each aligned block of 2^k x 2^k pixels they are a
 // (0, 2k, 2)-net. The pixels' order along the Z curve, shuffled block by block, numbers points of the Sobol sequence.
 // Ahmed and Wonka 2020, "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of
-// Pixels"; the shuffle is an Owen scrambling by hash: Laine and Karras 2011, "Stratified Sampling for Stochastic
-// Transparency".
+// Pixels".
 uvec2 pixel_shift(ivec2 pixel, uint seed)
 {
     uvec2 v = uvec2(pixel) & 0xFFFFu;  // spread the bits: z-order number
@@ -31,19 +60,8 @@ uvec2 pixel_shift(ivec2 pixel, uint seed)
     v = (v | v << 2) & 0x33333333u;
     v = (v | v << 1) & 0x55555555u;
     // Scrambled from the highest bit down, and reversed: the radical inverse of the place in the shuffled order.
-    uint x = bitfieldReverse(v.x | v.y << 1);
-    x += hash(seed);
-    x ^= x * 0x6C50B47Cu;
-    x ^= x * 0xB82F1E52u;
-    x ^= x * 0xC7AFE638u;
-    x ^= x * 0x8D22F6E6u;
-    uint y = x;  // the second coordinate of the Sobol sequence, in closed form
-    y ^= (y & 0x0000FFFFu) << 16;
-    y ^= (y & 0x00FF00FFu) << 8;
-    y ^= (y & 0x0F0F0F0Fu) << 4;
-    y ^= (y & 0x33333333u) << 2;
-    y ^= (y & 0x55555555u) << 1;
-    return uvec2(x, y) ^ uvec2(hash(seed + 1u), hash(seed + 2u));
+    uint place = scrambled(bitfieldReverse(v.x | v.y << 1), hash(seed));
+    return sobol_point(place) ^ uvec2(hash(seed + 1u), hash(seed + 2u));
 }
 
 // Cosine-distributed direction around unit n: pdf = cos / pi.

@@ -4,10 +4,14 @@
 //
 // The including shader may define
 //     HAS_OPACITY  1: triangles carry an opacity for each cell, and let that share of the rays pass
+//     HAS_OUTLINES 1: and where they are transparent only in parts, the outline of these
 
 #include "lib/cell_list.glsl"
+#include "lib/outline.glsl"
 
-#if HAS_OPACITY
+#if HAS_OUTLINES
+layout(binding = TEX_CELL_OPACITIES) uniform usampler2D cell_opacities_tex;
+#elif HAS_OPACITY
 layout(binding = TEX_CELL_OPACITIES) uniform sampler2D cell_opacities_tex;
 #endif
 
@@ -153,7 +157,11 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         if (occupied) {
             record = texelFetch(cells_tex, list_texel(occupied_cell_index(brick, bit)), 0);
         }
+#if LEVELS
+        ListWalk walk = begin_list(record, origin / side - vec3(listed - shift), along * side, slack / side);
+#else
         ListWalk walk = begin_list(record, origin - vec3(listed), along, slack);
+#endif
         do {
             next_run(walk, hit.distance);
             while (walk.next < walk.end) {
@@ -175,7 +183,17 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
                 met = met && (w < hit.distance || (w == hit.distance && comes_before(entry, nearest)));
 #if HAS_OPACITY
                 if (met && w >= solid_distance) {
+#if HAS_OUTLINES
+#if LEVELS
+                    vec3 place = (origin + direction * w) / side - vec3(listed - shift);
+#else
+                    vec3 place = origin + direction * w - vec3(listed);
+#endif
+                    uvec2 outline = texelFetch(cell_opacities_tex, list_texel(walk.next), 0).rg;
+                    float opacity = outline_opacity(outline, place, dominant_axis(cross(e1, e2)));
+#else
                     float opacity = texelFetch(cell_opacities_tex, list_texel(walk.next), 0).r;
+#endif
                     // One decision for a triangle and a ray, whichever cell asks.
                     met = opacity >= 1.0 || unit_float(hash(seed, triangle_number(entry))) < opacity;
                 }

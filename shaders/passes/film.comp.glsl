@@ -11,7 +11,7 @@ layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 layout(binding = TEX_VALUE) uniform sampler2D value_tex;
 layout(binding = IMG_0, rgba32f) uniform image2D mean_img;
 #if KEEPS_HALF
-layout(binding = IMG_1, rgba32f) uniform image2D half_img;  // mean over every other pass
+layout(binding = IMG_1, rgba32f) uniform image2D half_img;  // mean over half of the passes
 uniform float half_share;
 #endif
 

@@ -231,7 +231,7 @@ void main()
     uint number = site_first + invocation_index();
     uint face = number < face_count ? texelFetch(face_order_tex, list_texel(number), 0).r : 0u;
     vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(face), 0).xyz);
-    uint reach = texelFetch(reach_tex, clamp(ivec3(place), ivec3(0), grid_size - 1) / BRICK, 0).r;
+    uint reach = texelFetch(reach_tex, nearest_cell(place) / BRICK, 0).r;
     Site site = Site(number < face_count ? face : NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
     for (bool unsure = reach != 0u; unsure; unsure = false) {  // not an `if`, whose inside software rasterizers always run
         site = site_of_thread();

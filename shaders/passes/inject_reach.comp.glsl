@@ -13,6 +13,7 @@ layout(local_size_x = GROUP_SIZE) in;
 layout(binding = IMG_0, r8ui) writeonly uniform uimage3D reach_img;
 
 uniform ivec3 brick_count;
+uniform float farthest;  // from one place in the grid to another
 
 const float HALF_BRICK = 0.5 * float(BRICK) + 0.1;  // places of faces lie on sides of cells, but for rounding
 const float SPREAD = 1.5;  // from an area light's half side to its corner
@@ -26,19 +27,22 @@ void main()
     ivec3 brick = ivec3(index % brick_count.x, index / brick_count.x % brick_count.y,
                         index / (brick_count.x * brick_count.y));
     uvec4 record = texelFetch(bricks_tex, brick, 0);
-    vec3 centre = (vec3(brick) + 0.5) * float(BRICK);
-    bool crosses = crosses_box(centre, vec3(0.0, 0.0, 1.0), 0.0, HALF_BRICK);  // where points of a face lie, for one
+    int level = level_of_cell(brick * BRICK);
+    float side = level_side(level);
+    vec3 centre = (vec3(from_stack(brick * BRICK, level)) + 0.5 * float(BRICK)) * side;
+    float half_brick = HALF_BRICK * side;
+    bool crosses = crosses_box(centre, vec3(0.0, 0.0, 1.0), 0.0, half_brick);  // where points of a face lie, for one
     uint end = (record.x | record.y) != 0u ? light_count : 0u;
     for (uint k = 0u; k < end; ++k) {
         Light light = fetch_light(lights_tex, k);
         vec3 to_light = light.position_grid - centre;
         float reach = max(length(to_light), 1e-6);
         vec3 direction = to_light / reach;
-        float margin = max(HALF_BRICK, SPREAD * light.radius_grid);
+        float margin = max(half_brick, SPREAD * light.radius_grid);
         if (light.kind == LIGHT_SUN) {
             direction = light.axis_z;
             reach = 1e30;
-            margin = HALF_BRICK + 2.0 * light.radius_grid * length(vec3(grid_size));
+            margin = half_brick + 2.0 * light.radius_grid * farthest;
         }
         bool asks = (light.flags & LIGHT_CASTS_SHADOW) != 0u && (light.flags & RAY_DIFFUSE) != 0u;
         crosses = crosses || (asks && crosses_box(centre, direction, reach + margin, margin));

@@ -20,9 +20,9 @@ layout(binding = IMG_2, rg32ui) writeonly uniform uimage2D straight_img;
 uniform uint link_count;  // a multiple of four
 uniform uint random_seed;
 
-// From where a ray ends to the place of the face that it was linked to, along each axis at most: half a cell (lib/radiance.glsl)
+// From where a ray ends to the place of the face that it was linked to, along each axis at most: a cell (lib/radiance.glsl)
 // and a cell.
-const float FARTHEST_PLACE = 1.6;
+const float FARTHEST_PLACE = 2.1;
 
 void main()
 {
@@ -52,8 +52,9 @@ void main()
             for (bool unsure = leaves && crosses_hull(site.origin, direction); unsure; unsure = false) {
                 uint number = links[k];
                 vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(number == NONE_INDEX ? 0u : number), 0).xyz);
-                // 1.7: diagonals of cubes
-                float limit = number == NONE_INDEX ? 1e30 : distance(place, site.origin) + 2.0 * FARTHEST_PLACE;
+                // 2: diagonals of cubes, or the wider cells beside
+                float farthest = (LEVELS > 0 ? 4.0 : 2.0) * FARTHEST_PLACE * cell_side(place);
+                float limit = number == NONE_INDEX ? 1e30 : distance(place, site.origin) + farthest;
                 has_changed = has_changed || crosses_box(site.origin, direction, limit, 0.0);
             }
         }

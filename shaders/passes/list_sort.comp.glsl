@@ -17,7 +17,10 @@ layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
 layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
 layout(binding = IMG_1, rgba32ui) writeonly uniform uimage2D part_img;
 #endif
-#if HAS_OPACITY
+#if HAS_OUTLINES
+layout(binding = TEX_CELL_OPACITIES) uniform usampler2D cell_opacities_tex;
+layout(binding = IMG_2, rg32ui) writeonly uniform uimage2D cell_opacity_img;
+#elif HAS_OPACITY
 layout(binding = TEX_CELL_OPACITIES) uniform sampler2D cell_opacities_tex;
 layout(binding = IMG_2, r8) writeonly uniform image2D cell_opacity_img;
 #endif

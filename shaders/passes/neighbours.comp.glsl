@@ -24,6 +24,17 @@ bool is_plain(uvec4 record)
     return cut_axis(record) < 0 && bitCount(axes) < 2;
 }
 
+// Whether nothing stands on the cells between two whose corners touch.
+bool is_plain_between(ivec3 one, ivec3 other)
+{
+    bool is_plain_so_far = true;
+    for (int k = 1; k < 7 && is_plain_so_far; ++k) {
+        ivec3 share = ivec3(k, k >> 1, k >> 2) & 1;
+        is_plain_so_far = is_plain(record_of(one + share * (other - one)));
+    }
+    return is_plain_so_far;
+}
+
 // Where a cell has hardly any of a surface, what little there is tells nothing of the surface beside it.
 const float LEAST_WEIGHT = 1e-4;
 
@@ -54,7 +65,8 @@ void main()
     Surroundings around = surroundings(face);
     uint seed = face_seed(face);
     uint found = fetch_face_reflectance(face).a < LEAST_WEIGHT ? 63u : 0u;
-    bool is_open = is_plain(record);  // nothing stands on the cell, nor on those beside it
+    bool stands_alone = is_plain(record);
+    bool is_open = stands_alone;  // nothing stands on the cell, nor on those beside it, where the surface goes on in them
     int right = (dominant_axis(around.normal) + 1) % 3;
     int up = (right + 1) % 3;
     for (int k = 0; k < 8; ++k) {
@@ -66,8 +78,14 @@ void main()
         FoundFace beside = face_beside(around, at);
         bool is_there = beside.bit != NONE_INDEX && all(lessThan(abs(beside.cell - cell), ivec3(2)));
         bool is_told = (found & (bits_right | bits_up)) != 0u || (is_later(k) && is_there && finds(beside, -at, cell, side));
-        bool asks = is_there && !is_told && !(is_open && is_plain(beside.record));
-        is_open = is_open && (k >= 4 || is_plain(beside.record));
+        bool is_level = beside.cell[dominant_axis(around.normal)] == cell[dominant_axis(around.normal)];
+        bool is_clear = is_open && is_level && is_plain(beside.record);
+        bool may_be_clear = is_there && !is_told && !is_clear && stands_alone && is_plain(beside.record);
+        for (; may_be_clear; may_be_clear = false) {
+            is_clear = is_plain_between(cell, beside.cell);
+        }
+        bool asks = is_there && !is_told && !is_clear;
+        is_open = is_open && (k >= 4 || (is_level && is_plain(beside.record)));
         vec3 there, normal_there;
         fetch_face_place(asks ? face_number(beside) : face, there, normal_there);
         // From place to place, or to above it: what bulges hides places from each other.

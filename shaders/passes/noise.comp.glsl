@@ -2,7 +2,7 @@
 // Noise of each tile of the film: how far half of the passes are from all of them. The difference of the means has the
 // variance of the mean itself. As Cycles measures it, in proportion to the root of the brightness, so that dark and bright
 // parts look alike: Dammertz et al. 2010, "A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination".
-// Input: means over all passes, and over every other one.    Output: noise_img, one texel a tile.
+// Input: means over all passes, and over half of them.    Output: noise_img, one texel a tile.
 
 #include "lib/common.glsl"
 

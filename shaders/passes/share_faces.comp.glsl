@@ -21,13 +21,16 @@ uniform uint face_count;
 const float ALIKE = 0.95;       // cosine between normals of faces that share
 const float OFF_PLANE = 0.25;   // how far off the tangent plane the other's place may lie, against how far away it is
 
-bool is_alike(Surroundings around, uint face)
+bool is_alike(Surroundings around, FoundFace here, uint face)
 {
     vec3 there;
     vec3 normal_there;
     fetch_face_place(face, there, normal_there);
     vec3 apart = there - around.position;
-    return dot(around.normal, normal_there) > ALIKE && abs(dot(apart, around.normal)) < OFF_PLANE * length(apart);
+    bool is_beyond = lies_beyond(here.record, here.cell, there, normal_there);
+    bool is_parted = is_aslant(here.record) && is_beyond != (here.bit >= 6u);
+    return !is_parted && dot(around.normal, normal_there) > ALIKE &&
+           abs(dot(apart, around.normal)) < OFF_PLANE * length(apart);
 }
 
 void main()
@@ -44,7 +47,7 @@ void main()
         ivec2 at = neighbour_step(k);
         FoundFace beside = face_beside(around, at);
         uint other = face_number(beside);
-        bool shares = other != NONE_INDEX && !is_hidden(here, beside) && is_alike(around, other);
+        bool shares = other != NONE_INDEX && !is_hidden(here, beside) && is_alike(around, here, other);
         float weight = (k < 4 ? 2.0 : 1.0) / 16.0;
         incoming += shares ? weight * (face_radiance(other) - own) : vec3(0.0);
     }

@@ -10,6 +10,7 @@
 #include "lib/closure.glsl"
 #include "lib/level.glsl"
 #include "lib/ray.glsl"
+#include "lib/sampling.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
@@ -25,10 +26,21 @@ layout(binding = IMG_6, rgba32f) writeonly uniform image2D emission_img;
 
 uniform uint batch;
 uniform uint random_seed;  // of this pass and of what it looks through
+uniform float texture_scale;  // passes look at parts of a pixel: so wide, in sides of it
 uniform uint turn_seed;    // of all passes
 uniform uint sample_index;
 #if HAS_OPACITY
+uniform uint behind;       // so many surfaces were looked through
 uniform bool last_layer;   // nothing is looked through any more
+
+// What decides whether a pass looks through a surface: even over passes and over pixels side by side, for the first two
+// that lie one behind the other. Multiples of roots of 3 and 7 go with none of the other sequences of a pixel.
+float random_of_layer(uint packed_pixel)
+{
+    uvec2 even = pixel_shift(ivec2(packed_pixel & 0xFFFFu, packed_pixel >> 16), turn_seed - behind);
+    even += sample_index * uvec2(3144134277u, 2773480762u);
+    return unit_float(behind == 0u ? even.x : (behind == 1u ? even.y : hash(packed_pixel, random_seed)));
+}
 #endif
 
 const uint PENDING = 0x80000000u;
@@ -107,14 +119,14 @@ void main()
     weights = max(weights, min(gap / max(longest, 1e-20), 0.3));
     barycentric = weights.yz / (weights.x + weights.y + weights.z);
     vec3 position = t.corner + t.edge_1 * barycentric.x + t.edge_2 * barycentric.y;
-    float footprint = ray.width + ray.spread * length(position - ray.origin);
+    float footprint = texture_scale * (ray.width + ray.spread * length(position - ray.origin));
     ShadingPoint point = shading_point(t, barycentric, -ray.direction, footprint);
     Surface s = surface_at(t, point);
 
     float opacity = 1.0;
 #if HAS_OPACITY
     opacity = 1.0 - clamp(luminance(s.transparency), 0.0, 1.0);
-    if (opacity < 1.0 && !last_layer && unit_float(hash(packed_pixel, random_seed)) >= opacity) {
+    if (opacity < 1.0 && !last_layer && random_of_layer(packed_pixel) >= opacity) {
         imageStore(seen_img, pixel, uvec4((triangle_index + 1u) | PENDING));
         imageStore(position_img, pixel, vec4(position, 1.0));
         return;

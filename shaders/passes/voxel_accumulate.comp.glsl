@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What each triangle brings to each cell it enters, listed cell by cell. HAS_FACES: cells have faces that it is part of.
+// HAS_OUTLINES: some material of the scene is transparent only in parts.    VARIES: those of this batch are.
 // A surface counts, with its area, for the facing that its normal is nearest to. A sheet has two sides, but what its
 // back looks like is asked only where no front faces that way (pass voxel_resolve): a thin wall keeps two colours.
 // Input: pairs of one batch, triangles, materials, cell numbering.
@@ -7,6 +8,7 @@
 
 #include "lib/grid.glsl"
 #include "lib/part.glsl"
+#include "lib/outline.glsl"
 #include "lib/geometry.glsl"
 #include "lib/closure.glsl"
 
@@ -22,7 +24,9 @@ layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
 #if HAS_FACES
 layout(binding = IMG_1, rgba32ui) writeonly uniform uimage2D part_img;
 #endif
-#if HAS_OPACITY
+#if HAS_OUTLINES
+layout(binding = IMG_2, rg32ui) writeonly uniform uimage2D cell_opacity_img;
+#elif HAS_OPACITY
 layout(binding = IMG_2, r8) writeonly uniform image2D cell_opacity_img;
 #endif
 
@@ -38,6 +42,48 @@ uint fixed_point(float value, uint random)
 }
 
 const float VIEW_COSINE = 0.55;
+
+// Light goes straight through glass here, losing what is reflected on average; `glass`: that.
+float opacity_of(Surface surface, out vec3 glass)
+{
+    glass = specular_directional_albedo(surface.glass_f0, surface.glass_f90, surface.glass_ior, surface.glass_roughness,
+                                        VIEW_COSINE);
+    vec3 passed = surface.transparency + surface.glass_transmission * (1.0 - glass);
+    return 1.0 - clamp(luminance(passed), 0.0, 1.0);
+}
+
+#if HAS_OUTLINES && VARIES
+// Where in a cell a triangle stops rays. What is partly transparent in itself does so at some of the places, drawn at
+// random, for each triangle others. `covers`: which share of the triangle's part in the cell does; unchanged where that is
+// too small to tell.
+uvec2 outline(uint number, Triangle triangle, ivec3 cell, int level, vec3 inside, vec3 view, int axis, inout float covers)
+{
+    uvec2 bits = uvec2(0u);
+    float there = 0.0, stops = 0.0;
+    vec3 along = mix(vec3(0.0), vec3(1.0), equal(ivec3(axis), ivec3(0, 1, 2)));
+    float side = level_side(level);
+    uint seed = hash(hash(uint(cell.x), hash(uint(cell.y), uint(cell.z))), number);
+    for (uint bit = 0u; bit < uint(OUTLINE_SIZE.x * OUTLINE_SIZE.y); ++bit) {
+        uint random = hash(seed, bit);
+        vec3 at = outline_point(bit, vec2(unit_float(random), unit_float(random << 16)), axis) + inside * along;
+        vec2 barycentric;
+        float distance;
+        intersect_plane(triangle, (vec3(from_stack(cell, level)) + at) * side, along, barycentric, distance);
+        bool is_there = all(greaterThanEqual(barycentric, vec2(0.0))) && barycentric.x + barycentric.y <= 1.0;
+        barycentric = max(barycentric, 0.0);
+        barycentric /= max(1.0, barycentric.x + barycentric.y);
+        vec3 glass;
+        float opacity = opacity_of(surface_at(triangle, shading_point(triangle, barycentric, view, side / 8.0)), glass);
+        bool is_set = unit_float(hash(random)) < opacity;
+        there += is_there ? 1.0 : 0.0;
+        stops += is_there && is_set ? 1.0 : 0.0;
+        uint word = is_set ? 1u << (bit & 31u) : 0u;
+        bits |= bit < 32u ? uvec2(word, 0u) : uvec2(0u, word);
+    }
+    covers = there > 0.0 ? stops / there : covers;
+    return bits;
+}
+#endif
 
 void main()
 {
@@ -66,17 +112,23 @@ void main()
     vec3 view = VIEW_COSINE * normal + sqrt(1.0 - VIEW_COSINE * VIEW_COSINE) * tangent;
     ShadingPoint point = shading_point(triangle, barycentric, view, sqrt(area) * level_side(level));
     Surface surface = surface_at(triangle, point);
-    // Light goes straight through glass here, losing what is reflected on average.
-    vec3 glass = specular_directional_albedo(surface.glass_f0, surface.glass_f90, surface.glass_ior,
-                                             surface.glass_roughness, VIEW_COSINE);
-    vec3 passed = surface.transparency + surface.glass_transmission * (1.0 - glass);
-    float opacity = 1.0 - clamp(luminance(passed), 0.0, 1.0);
+    vec3 glass;
+    float opacity = opacity_of(surface, glass);
 
     uint slot = atomicAdd(cursors[cell_index(cell)], 1u);
     imageStore(cell_triangle_img, list_texel(slot), uvec4(list_entry(pair.x, triangle), 0u, 0u));
-#if HAS_OPACITY
+    float covers = opacity;
+#if HAS_OUTLINES
+    uvec2 bits = uvec2(0u);
+#if VARIES
+    bits = outline(pair.x, triangle, cell, level, inside, view, pair_axis(pair), covers);
+#endif
+    imageStore(cell_opacity_img, list_texel(slot), uvec4(pack_outline(bits, covers), 0u, 0u));
+#elif HAS_OPACITY
     imageStore(cell_opacity_img, list_texel(slot), vec4(opacity));
-    area *= opacity;
+#endif
+#if HAS_OPACITY
+    area *= covers;
 #endif
 
 #if HAS_FACES

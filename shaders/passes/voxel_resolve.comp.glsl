@@ -5,8 +5,8 @@
 // Input: parts and triangles of cells, cells with their positions. HAS_SHADING_NORMALS: meshes' corners.
 // Output: place_img, reflectance_img and, where there are some, shading_img of the faces.
 
-#include "lib/cell_list.glsl"
 #include "lib/clipped.glsl"
+#include "lib/cut.glsl"
 #include "lib/face.glsl"
 #include "lib/face_work.glsl"
 #include "lib/part.glsl"
@@ -97,14 +97,31 @@ void consider(inout Outermost outermost, bool is_met, bool faces_away, float hei
     }
 }
 
-// Whether the line through `start` along `direction` meets a triangle inside a box, and where along it.
-bool meets(vec3 start, vec3 direction, Triangle t, vec3 low, vec3 high, out float distance)
+// Where surfaces of a side of a cell lie that is cut aslant: above a plane, or two; else everywhere.
+struct Beyond {
+    bool is_asked;
+    CutPlane plane;
+    bool is_corner;
+    CutPlane second;
+};
+
+// Over the two planes; above where none is.
+vec2 heights_in(Beyond beyond, vec3 place)
+{
+    return vec2(beyond.is_asked ? height_above(beyond.plane, place) : 1.0,
+                beyond.is_asked && beyond.is_corner ? height_above(beyond.second, place) : 1.0);
+}
+
+// Whether the line through `start` along `direction` meets a triangle inside a box, beyond a plane, and where along it.
+bool meets(vec3 start, vec3 direction, Triangle t, vec3 low, vec3 high, Beyond beyond, out float distance)
 {
     vec2 barycentric;
     bool crosses = intersect_plane(t, start, direction, barycentric, distance);
     vec3 at = start + direction * distance;
-    return crosses && min(barycentric.x, barycentric.y) >= 0.0 && barycentric.x + barycentric.y <= 1.0 &&
-           all(greaterThan(at, low - 1e-3)) && all(lessThan(at, high + 1e-3));
+    vec3 n = normalize(cross(t.edge_1, t.edge_2));
+    bool is_there = all(greaterThan(heights_in(beyond, at + n * CUT_LIFT), vec2(0.0)));
+    return crosses && is_there && min(barycentric.x, barycentric.y) >= 0.0 &&
+           barycentric.x + barycentric.y <= 1.0 && all(greaterThan(at, low - 1e-3)) && all(lessThan(at, high + 1e-3));
 }
 
 #if HAS_SHADING_NORMALS
@@ -195,14 +212,15 @@ const uint MOST_CLIPPED = 1024u;
 // surfaces lies inside them. Lines of neighbouring blocks of cells are spread evenly, so that edges of shadows are where
 // they are, on average over cells. What another side's surface covers is not outermost.
 void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ivec3 cell, int level, vec3 corner,
-                   vec3 low, vec3 high, bool is_shared)
+                   vec3 low, vec3 high, bool is_shared, bool has_plus, bool has_minus, Beyond beyond)
 {
     vec3 direction = plus.normal;
     vec3 column_low = mix(low, corner, abs(direction));
     vec3 column_high = mix(high, corner + 1.0, abs(direction));
     Outermost above = NOTHING, below = NOTHING;
     vec3 plus_start = vec3(0.0), minus_start = vec3(0.0);
-    uint lines = is_shared ? SHARED_LINES : (cut_axis(record) == axis ? 0u : 1u);
+    bool is_wall = beyond.is_asked ? beyond.plane.axis == axis : cut_axis(record) == axis;
+    uint lines = is_shared ? SHARED_LINES : (is_wall ? 0u : 1u);
     for (uint line = 0u; line < lines; ++line) {
         vec3 start = point_of_box(uvec3(cell) / line_block, line, low, high);
         Outermost top = NOTHING, bottom = NOTHING;
@@ -215,7 +233,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
                 Triangle t = in_level(fetch_listed(entry), level);
                 vec3 n = cross(t.edge_1, t.edge_2);
                 float distance;
-                bool met = dominant_axis(n) == axis && meets(start, direction, t, column_low, column_high, distance);
+                bool met = dominant_axis(n) == axis && meets(start, direction, t, column_low, column_high, beyond, distance);
                 consider(top, met, n[axis] < 0.0, distance, index, walk.next);
                 consider(bottom, met, n[axis] > 0.0, -distance, index, walk.next);
             }
@@ -231,6 +249,13 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
             minus_start = start;
         }
     }
+    // What the lines met of other surfaces' backs does not stand for those that face this way.
+    if (above.faces_away && has_plus) {
+        above = NOTHING;
+    }
+    if (below.faces_away && has_minus) {
+        below = NOTHING;
+    }
     // Where the lines miss, one through the middle of what is largest there, or else in the cell; in long lists, which
     // would take long, through the mean, or on a side, which has no mean of its own, another.
     vec3 another = point_of_box(uvec3(cell) / line_block, SHARED_LINES, low, high);
@@ -241,6 +266,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         walked.y = misses_plus || misses_minus ? record.y : 0u;
         vec3 box_low = look == 0 ? low : corner;
         vec3 size = max((look == 0 ? high : corner + 1.0) - box_low, 1e-6);
+        beyond.is_asked = beyond.is_asked && look == 0;
         Outermost largest_plus = NOTHING, largest_minus = NOTHING;
         bool has_mean = !is_shared || record.y <= MOST_CLIPPED;
         plus_start = !misses_plus ? plus_start : (has_mean ? plus.position : another);
@@ -251,7 +277,12 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
             Triangle t = in_level(fetch_listed(entry), level);
             vec3 n = cross(t.edge_1, t.edge_2);
             vec3 a = turn((t.corner - box_low) / size, axis);
-            vec3 sums = overlap(a, a + turn(t.edge_1 / size, axis), a + turn(t.edge_2 / size, axis));
+            vec3 b = a + turn(t.edge_1 / size, axis), c = a + turn(t.edge_2 / size, axis);
+            vec3 lifted = t.corner + normalize(n) * CUT_LIFT;
+            vec2 at_a = heights_in(beyond, lifted), at_b = heights_in(beyond, lifted + t.edge_1);
+            vec2 at_c = heights_in(beyond, lifted + t.edge_2);
+            vec3 sums = overlap(a, b, c);
+            sums = overlap_above_both(a, b, c, vec3(at_a.x, at_b.x, at_c.x), vec3(at_a.y, at_b.y, at_c.y), sums);
             vec3 middle = box_low + size * turn_back(vec3(clamp(sums.yz / sums.x, 0.0, 1.0), 0.0), axis);
             bool is_there = dominant_axis(n) == axis && abs(sums.x) > LEAST_PART;
             consider(largest_plus, is_there, n[axis] < 0.0, abs(sums.x), index, k);
@@ -273,9 +304,9 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
                 vec3 n = cross(t.edge_1, t.edge_2);
                 bool is_ours = dominant_axis(n) == axis;
                 float distance;
-                bool met = is_ours && misses_plus && meets(plus_start, direction, t, box_low, box_low + size, distance);
+                bool met = is_ours && misses_plus && meets(plus_start, direction, t, box_low, box_low + size, beyond, distance);
                 consider(above, met, n[axis] < 0.0, distance, index, walk.next);
-                met = is_ours && misses_minus && meets(minus_start, direction, t, box_low, box_low + size, distance);
+                met = is_ours && misses_minus && meets(minus_start, direction, t, box_low, box_low + size, beyond, distance);
                 consider(below, met, n[axis] > 0.0, -distance, index, walk.next);
             }
         } while (has_runs(walk));
@@ -297,6 +328,37 @@ void store(uint index, Face face, int level)
     imageStore(reflectance_img, list_texel(index), face.reflectance);
 }
 
+// Where a side of a cell lies that is cut aslant: above the cut's plane, or the other side of the wall, if that is further on,
+// and, of what faces neither wall of two, on the same side of the second as the side's faces.
+Beyond beyond_of(uvec4 record, uint side, uint facing, int level, vec3 corner)
+{
+    CutPlane plane = listed_plane(cut_entry(record), level);
+    uint outward = uint(2 * plane.axis) + (side == 1u ? 0u : 1u);
+    uint area = 0u, largest = cut_entry(record);
+    uvec2 listed = uvec2(0u);
+    for (uint k = record.x; k < record.x + record.y; ++k) {
+        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        uvec2 at = texelFetch(cell_triangles_tex, list_texel(k), 0).rg;
+        bool is_larger = part.area > area || (part.area == area && area > 0u && comes_before(at, listed));
+        is_larger = is_larger && part.facing == outward;
+        area = is_larger ? part.area : area;
+        largest = is_larger ? k : largest;
+        listed = is_larger ? at : listed;
+    }
+    CutPlane other = listed_plane(largest, level), second = plane;
+    float sign = side == 1u ? 1.0 : -1.0;
+    bool is_further = sign * (height_above(plane, corner + 0.5) - height_above(other, corner + 0.5)) > 0.0;
+    bool is_limited = is_corner(record) && int(facing) != plane.axis;
+    plane.place = is_further ? other.place : plane.place;
+    plane.normal = sign * (is_further ? other.normal : plane.normal);
+    for (bool asks = is_limited; asks; asks = false) {
+        second = listed_plane(second_cut_entry(record), level);
+        second.normal *= lies_beyond_second(record, side == 1u) ? 1.0 : -1.0;
+        is_limited = int(facing) != second.axis;
+    }
+    return Beyond(true, plane, is_limited, second);
+}
+
 void main()
 {
     uint number = invocation_index();
@@ -312,16 +374,21 @@ void main()
     int level = level_of_cell(cell);
     vec3 corner = vec3(from_stack(cell, level));
     vec3 low = corner, high = corner + 1.0;
-    int cut = cut_axis(record);
+    int cut = is_aslant(record) ? -1 : cut_axis(record);
     bool is_shared = (record.w >> (6u * (1u - side) + 2u * axis) & 1u) != 0u;
+    const CutPlane none = CutPlane(vec3(0.0), vec3(0.0), 0);
+    Beyond beyond = Beyond(false, none, false, none);
+    for (bool aslant = is_aslant(record); aslant; aslant = false) {
+        beyond = beyond_of(record, side, axis, level, corner);
+    }
     if (cut >= 0 && (is_shared || cut != int(axis))) {  // a wall may lie aslant to the plane that is to be it
         float place = corner[cut] + cut_place(record);
         low[cut] = side == 1u ? place : low[cut];
         high[cut] = side == 0u ? place : high[cut];
     }
     FacingSums plus = NO_SUMS, minus = NO_SUMS;
-    if (is_shared && cut != int(axis)) {  // not inside the wall that the cell is cut along
-        sum_parts(record, uint(max(cut, 0)), plus, minus);
+    if (is_shared && cut >= 0 && cut != int(axis)) {  // not inside the wall that the cell is cut along
+        sum_parts(record, uint(cut), plus, minus);
     }
     if (side == 1u && plus.area > 0u) {
         low[cut] = max(low[cut], corner[cut] + float(plus.position[cut]) / float(plus.area));
@@ -334,7 +401,8 @@ void main()
     }
     Face front = mean_face(plus, 2u * axis, corner);
     Face back = mean_face(minus, 2u * axis + 1u, corner);
-    find_surfaces(front, back, record, int(axis), cell, level, corner, low, high, is_shared);
+    find_surfaces(front, back, record, int(axis), cell, level, corner, low, high, is_shared, plus.area > 0u,
+                  minus.area > 0u, beyond);
     // The side that nothing was made for is the back of a sheet: the same surface, turned over.
     if (plus.area == 0u) {
         front = turned_over(back);

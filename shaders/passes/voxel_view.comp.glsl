@@ -7,6 +7,7 @@
 
 #include "lib/camera.glsl"
 #include "lib/trace.glsl"
+#include "lib/cut.glsl"
 #if HAS_FACES
 #include "lib/face.glsl"
 #endif
@@ -159,9 +160,7 @@ uint seen_face(ivec3 cell, vec3 position, vec3 normal, vec3 direction)
     if (facing == NONE_INDEX) {
         return NONE_INDEX;
     }
-    int axis = cut_axis(record);
-    bool beyond = axis >= 0 && place_in_cell(position, cell)[max(axis, 0)] > cut_place(record);
-    uint bit = beyond ? facing + 6u : facing;
+    uint bit = lies_beyond(record, cell, position, normal) ? facing + 6u : facing;
     if ((record.w >> bit & 1u) == 0u) {
         bit = bit < 6u ? bit + 6u : bit - 6u;
     }

@@ -22,8 +22,8 @@ uniform uint triangle_count;
 uniform uint ray_mask;  // triangles that none of these rays sees are left out
 uniform uint batch_count;
 #if IS_PART
-uniform ivec3 part_low;  // a box around the bricks that are made again, cells
-uniform ivec3 part_high;
+uniform vec3 part_low;  // a box around the bricks that are made again, grid space
+uniform vec3 part_high;
 #endif
 
 void visit_cell(uint triangle_index, Triangle triangle, ivec3 cell, float area, vec3 centre, vec3 normal) {}
@@ -33,7 +33,7 @@ bool may_enter_part(Triangle t)
 {
     vec3 low = t.corner + min(vec3(0.0), min(t.edge_1, t.edge_2));
     vec3 high = t.corner + max(vec3(0.0), max(t.edge_1, t.edge_2));
-    return all(greaterThan(high, vec3(part_low) - 0.1)) && all(lessThan(low, vec3(part_high) + 0.1));
+    return all(greaterThan(high, part_low)) && all(lessThan(low, part_high));
 }
 #endif
 
@@ -41,22 +41,25 @@ bool may_enter_part(Triangle t)
 bool is_wanted(Triangle t, uint item)
 {
 #if IS_PART
+    int level = level_of_item(t, item);
     vec3 n = cross(t.edge_1, t.edge_2);
     int axis = dominant_axis(n);
-    ivec4 range = column_range(t, axis, 0);
+    ivec4 range = column_range(t, axis, level);
     vec3 a = turn(t.corner, axis);
     vec3 m = turn(n, axis);
     vec2 slope = -m.xy / m.z;
     float half_depth = 0.5 * (abs(slope.x) + abs(slope.y)) + 0.1;
-    int last_cell = turn(grid_size, axis).z - 1;
+    int first_depth = turn(first_cell(level), axis).z;
+    int last_depth = turn(end_cell(level), axis).z - 1;
     int end = min(int(item + 1u) * COLUMNS_PER_ITEM, range.z * range.w);
     bool wanted = false;
     for (int k = int(item) * COLUMNS_PER_ITEM; k < end && !wanted; ++k) {
         ivec2 column = range.xy + ivec2(k % range.z, k / range.z);
         float depth = a.z + dot(slope, vec2(column) + 0.5 - a.xy);
-        int low = clamp(int(floor(depth - half_depth)), 0, last_cell);
-        int high = clamp(int(floor(depth + half_depth)), 0, last_cell);
-        wanted = is_made_again(turn_back(ivec3(column, low), axis)) || is_made_again(turn_back(ivec3(column, high), axis));
+        int low = clamp(int(floor(depth - half_depth)), first_depth, last_depth);
+        int high = clamp(int(floor(depth + half_depth)), first_depth, last_depth);
+        wanted = is_made_again(to_stack(turn_back(ivec3(column, low), axis), level)) ||
+                 is_made_again(to_stack(turn_back(ivec3(column, high), axis), level));
     }
     return wanted;
 #else

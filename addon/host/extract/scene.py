@@ -43,6 +43,10 @@ class SceneReader:
         self._meshes = MeshTable()
         self._warnings: dict[Change, list[str]] = {}
 
+    def read_all_again(self) -> None:
+        """Of the next scene, whatever is reported as changed: what says the same stays the same object."""
+        self._source = ()
+
     def read(
         self,
         depsgraph: bpy.types.Depsgraph,
