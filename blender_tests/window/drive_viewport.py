@@ -50,6 +50,9 @@ VOXELS = 32
 #: Names of the passes that ran since the list was emptied, in order.
 passes: list[str] = []
 
+#: Numbers of the viewports that were made, one after the other.
+entered: list[int] = []
+
 
 # The viewport -----------------------------------------------------------------------------------------------------
 
@@ -82,6 +85,18 @@ def log_passes() -> None:
         return original(self, name)
 
     context.timed = timed
+
+
+def count_viewports() -> None:
+    """Has ``entered`` grow by one with each viewport that is made."""
+    viewport = module("host.viewport").Viewport
+    original = viewport.__init__
+
+    def init(self: Any, *arguments: Any, **options: Any) -> None:
+        entered.append(len(entered))
+        original(self, *arguments, **options)
+
+    viewport.__init__ = init
 
 
 def bare() -> None:
@@ -187,6 +202,7 @@ def prepare(case: str) -> Steps:
     put_pointer_away()
     install()
     log_passes()
+    count_viewports()
     build_scene()
     use_conelight(SAMPLES, VOXELS)
     settings().viewport_samples = SAMPLES
@@ -593,6 +609,7 @@ def random_edits() -> Steps:
         objects.append(sum(viewport.session._context.object_count for viewport in viewports()))
         programs.append(sum(viewport.session._context.program_count for viewport in viewports()))
     drawn = view_draws() - drawn
+    measured["entered"] = len(entered)
     yield from leave()
     kept("leaving")
     chance, start = random.Random(1), view_draws()
