@@ -124,6 +124,7 @@ TEXTURE_ALIASES = {
     "TEX_NUMBERS_BEFORE": "TEX_NORMAL",  # r32ui list: number that each face had; where faces are taken over
     "TEX_NUMBERS_NOW": "TEX_EMISSION",  # r32ui list: number that each face before has
     "TEX_STRAIGHT_BEFORE": "TEX_F0",  # as TEX_FACE_STRAIGHT
+    "TEX_RADIANCE_BEFORE": "TEX_NORMAL",  # as TEX_FACE_RADIANCE
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
     # Emitters, where no material is evaluated.
     "TEX_EMITTERS": "TEX_INSTANCES",  # rgba32ui list: Emitter, several texels each

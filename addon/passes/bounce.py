@@ -25,12 +25,13 @@ RAYS_PER_STEP = 1 << 17
 #: Links of a face in one dispatch: llvmpipe ends the loops of a work group after so many rounds that rays beyond this,
 #: in cells with a thousand triangles, would bring nothing.
 LINKS_PER_STEP = 16
-#: Bounces between two looks at how much has changed, and the share of all light that it is when they stop: what further
-#: ones would bring is added at once.
-CHECK_EVERY = 4
-CONVERGED = 1e-3
+#: Bounces end when what further ones would bring changes how bright faces look by less than this share, on average; it
+#: is added at once.
+CONVERGED = 2e-3
 #: The same for a draft, which goes on from the light that was there before an edit.
-DRAFT_CHECK_EVERY, DRAFT_CONVERGED = 2, 1e-2
+DRAFT_CONVERGED = 1e-2
+#: How many faces are asked how much they change, at most.
+_ASKED = 1 << 14
 
 
 def unpack_light(stored: np.ndarray) -> np.ndarray:
@@ -38,17 +39,6 @@ def unpack_light(stored: np.ndarray) -> np.ndarray:
     low, high = stored[:, 0], stored[:, 1]
     whole = np.stack([low & 0x3FFFF, low >> 18 | (high & 15) << 14, high >> 4 & 0x3FFFF], axis=1)
     return np.ldexp(whole.astype(np.float32), (high >> 22).astype(np.int32)[:, None] - 144)
-
-
-def total_light(stored: np.ndarray) -> float:
-    """The sum over all faces and channels; ``stored`` as for ``unpack_light``."""
-    sums = np.zeros(1 << 10)  # of faces with each exponent: exact
-    step = 1 << 18  # so that what is unpacked takes little memory
-    for first in range(0, len(stored), step):
-        low, high = stored[first : first + step].T
-        whole = (low & 0x3FFFF) + (low >> 18 | (high & 15) << 14) + (high >> 4 & 0x3FFFF)
-        sums += np.bincount(high >> 22, weights=whole, minlength=len(sums))
-    return float(np.ldexp(sums, np.arange(len(sums)) - 144).sum())
 
 
 class LinkPass:
@@ -221,28 +211,25 @@ class BouncePass:
         settings: Settings,
         before: moderngl.Texture | None,
     ) -> Iterator[float]:
+        """``before``: radiance to go on from."""
         textures = 2 if links else 1
         self.radiance = [self.gpu.list_texture("face radiance", voxels.faces.count, 2, "u4") for _ in range(textures)]
         self.bounces = 0
-        total, change = math.inf, math.inf  # of radiance, and since the last look
-        check_every, converged = CHECK_EVERY, CONVERGED
+        change = 0.0  # by the last bounce
         if before is None:
             self._pass(voxels, irradiance, links, first=True)
         else:
             self.gpu.copy(before, self.radiance[0])
-            total = self._total(voxels.faces.count)
-            check_every, converged = DRAFT_CHECK_EVERY, DRAFT_CONVERGED
+        first, converged = (2, CONVERGED) if before is None else (1, DRAFT_CONVERGED)  # bounce that is looked at
         while links and self.bounces < settings.bounces:
             self.radiance.reverse()
             self._pass(voxels, irradiance, links)
             self.bounces += 1
-            if self.bounces % check_every == 0 and self.bounces < settings.bounces:
-                after = self._total(voxels.faces.count)
-                change_before, change = change, abs(after - total)
-                total = after
-                if change <= converged * abs(after):
-                    share = (change / change_before) ** (1.0 / check_every) if change < change_before else 0.0
-                    self._add_rest(voxels, share)
+            if first <= self.bounces < settings.bounces:
+                change_before, change = change, self._change(voxels.faces.count)
+                rest = change / (change_before - change) if change < change_before else math.inf  # of such bounces
+                if change == 0.0 or change * rest <= converged:
+                    self._add_rest(voxels, rest if change else 0.0)
                     break
             yield self.bounces / settings.bounces
         if links:
@@ -250,18 +237,31 @@ class BouncePass:
             self.radiance.reverse()
             self._share(voxels, irradiance)
 
-    def _total(self, faces: int) -> float:
-        with self.gpu.timed("bounce"):
-            stored = np.frombuffer(self.radiance[0].read(), np.uint32).reshape(-1, 2)[:faces]
-            return total_light(stored)  # what follows in the texture's last row is undefined
+    def _change(self, faces: int) -> float:
+        """By which share the last bounce has changed how bright faces look, on average."""
+        gpu, slot = self.gpu, interface.slot
+        stride = -(-faces // _ASKED) | 1  # faces of all facings, which take turns
+        count = -(-faces // stride)
+        with gpu.timed("bounce"):
+            changes = gpu.buffer("bounce changes", size=8 * count)
+            try:
+                self.radiance[0].use(slot("TEX_FACE_RADIANCE"))
+                self.radiance[1].use(slot("TEX_RADIANCE_BEFORE"))
+                changes.bind_to_storage_buffer(slot("BUF_RESULTS"))
+                gpu.kernel("bounce_change").set(change_count=count, stride=stride).run_list(count)
+                gpu.barrier()  # read back
+                seen, changed = np.frombuffer(changes.read(), np.float32)[: 2 * count].reshape(-1, 2).sum(0, np.float64)
+            finally:
+                gpu.free(changes)
+        return float(2.0 * changed / seen) if seen > 0.0 else 0.0  # of radiance, which changes twice as much
 
-    def _add_rest(self, voxels: Voxels, share: float) -> None:
-        """Make the second of ``radiance`` what all further bounces would lead to, each ``share`` (less than 1) of the
-        one before."""
+    def _add_rest(self, voxels: Voxels, rest: float) -> None:
+        """Make the second of ``radiance`` what all further bounces would lead to, which bring ``rest`` times what the
+        last one has brought."""
         with self.gpu.timed("bounce"):
             self.radiance[0].use(interface.slot("TEX_FACE_RADIANCE"))
             self.radiance[1].bind_to_image(interface.slot("IMG_0"), read=True, write=True)
-            kernel = self.gpu.kernel("bounce_rest").set(face_count=voxels.faces.count, rest=share / (1.0 - share))
+            kernel = self.gpu.kernel("bounce_rest").set(face_count=voxels.faces.count, rest=rest)
             kernel.run_list(voxels.faces.count)
             self.gpu.barrier()  # the last bounce reads it
 

@@ -90,7 +90,7 @@ class GuidePass:
         for first in range(0, count, step):
             with gpu.timed("guides"):
                 kernel = gpu.kernel("guide_collect", world.defines | voxels.grid.defines)
-                kernel.set(brick_count=voxels.grid.bricks, guide_first=first, guide_count=count)
+                kernel.set(brick_count=voxels.grid.bricks, guide_first=first, guide_count=count, bin_count=_BINS)
                 kernel.set(link_count=links.count, random_seed=settings.seed, **voxels.grid.uniforms)
                 voxels.bricks.use(slot("TEX_BRICKS"))
                 voxels.cells.use(slot("TEX_CELLS"))
@@ -106,7 +106,7 @@ class GuidePass:
         for first in range(0, count, step):
             with gpu.timed("guides"):
                 kernel = gpu.kernel("guide_build")
-                kernel.set(brick_count=voxels.grid.bricks, guide_first=first, guide_count=count)
+                kernel.set(brick_count=voxels.grid.bricks, guide_first=first, guide_count=count, bin_count=_BINS)
                 bins.use(slot("TEX_GUIDES"))
                 self._numbers.use(slot("TEX_GUIDE_NUMBERS"))
                 listed.bind_to_storage_buffer(slot("BUF_WORK"))

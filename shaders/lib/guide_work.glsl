@@ -8,6 +8,8 @@ layout(std430, binding = BUF_WORK) readonly buffer GuideWorkList { uint guide_wo
 uniform ivec3 brick_count;
 uniform uint guide_first;  // of this dispatch
 uniform uint guide_count;  // of all
+// GUIDE_BINS; ends loops, which compilers would unroll if they knew it: that takes LLVM longer than all guides of a scene.
+uniform int bin_count;
 
 const int GUIDE_BINS = GUIDE_SIDE * GUIDE_SIDE;
 struct GuideWork {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // What bounces that are not made would still add. Each brings about the same share of what the one before brought, so
-// together they are a geometric series: L + rest * (L - L before), rest = share / (1 - share).
+// together they are a geometric series: L + rest * (L - L before), rest = share + share^2 + ...
 // Input: face_radiance_tex, after the last bounce; radiance_img, before it.    Output: radiance_img, W/(m2 sr).
 // Aitken 1926, "On Bernoulli's Numerical Solution of Algebraic Equations"; differs: one share for all faces.
 

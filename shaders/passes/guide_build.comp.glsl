@@ -26,7 +26,7 @@ void main()
     GuideWork work = fetch_guide_work(number);
     int axis = int(work.facing >> 1);
     vec2 bins[GUIDE_BINS];
-    for (int bin = 0; bin < GUIDE_BINS; ++bin) {
+    for (int bin = 0; bin < bin_count; ++bin) {
         bins[bin] = vec2(0.0);
     }
     for (int k = 0; k < 9; ++k) {  // bricks of the same layer
@@ -39,19 +39,19 @@ void main()
         if (has_guide(entry, work.facing)) {
             uint first = guide_number(entry, work.facing) * uint(GUIDE_BINS / 2);
             float weight = k == 4 ? OWN_WEIGHT : 1.0;
-            for (int pair = 0; pair < GUIDE_BINS / 2; ++pair) {
+            for (int pair = 0; pair < bin_count / 2; ++pair) {
                 vec4 two = weight * texelFetch(bins_tex, list_texel(first + uint(pair)), 0);
                 bins[2 * pair] += two.xy;
                 bins[2 * pair + 1] += two.zw;
             }
         }
     }
-    for (int bin = 0; bin < GUIDE_BINS; ++bin) {
+    for (int bin = 0; bin < bin_count; ++bin) {
         bins[bin].x = bins[bin].y * pow(bins[bin].x / max(bins[bin].y, 1.0), 1.0 / GUIDE_POWER);
     }
     float shares[GUIDE_BINS];
     float total = 0.0;
-    for (int bin = 0; bin < GUIDE_BINS; ++bin) {
+    for (int bin = 0; bin < bin_count; ++bin) {
         vec2 sum = vec2(0.0);
         for (int k = 0; k < 9; ++k) {
             ivec2 place = ivec2(bin % GUIDE_SIDE + k % 3 - 1, bin / GUIDE_SIDE + k / 3 - 1);
@@ -62,12 +62,12 @@ void main()
         shares[bin] = sum.x / max(sum.y, 1.0);
         total += shares[bin];
     }
-    for (int bin = 0; bin < GUIDE_BINS; ++bin) {
+    for (int bin = 0; bin < bin_count; ++bin) {
         float share = total > 0.0 ? shares[bin] / total : 0.0;
         shares[bin] = mix(share, 1.0 / float(GUIDE_BINS), total > 0.0 ? EVEN_SHARE : 1.0);
     }
     float concentration = -1.0;  // variance of light over directions, relative to its mean's square
-    for (int bin = 0; bin < GUIDE_BINS; ++bin) {
+    for (int bin = 0; bin < bin_count; ++bin) {
         concentration += float(GUIDE_BINS) * shares[bin] * shares[bin];
     }
     if (concentration < EVEN_ENOUGH) {

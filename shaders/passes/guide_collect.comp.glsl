@@ -81,7 +81,7 @@ void main()
             }
         }
     }
-    for (int k = 0; k < GUIDE_BINS / 2; ++k) {
+    for (int k = 0; k < bin_count / 2; ++k) {
         imageStore(bins_img, list_texel(number * uint(GUIDE_BINS / 2) + uint(k)), vec4(bins[2 * k], bins[2 * k + 1]));
     }
 }

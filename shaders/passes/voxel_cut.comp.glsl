@@ -259,6 +259,12 @@ vec3 shares_above(CutPlane plane, CutPlane other, Triangle t, int axis, vec3 cor
     return all.x != 0.0 ? clamp(areas / all.x, 0.0, 1.0) : vec3(0.0);
 }
 
+// A bit for each.
+uint axis_bits(bvec3 axes)
+{
+    return uint(axes.x) | uint(axes.y) << 1 | uint(axes.z) << 2;
+}
+
 // Share of a triangle's part in the cell that lies beyond a plane.
 float share_above(CutPlane plane, Triangle t, int axis, vec3 corner)
 {
@@ -305,20 +311,19 @@ void find_aslant_cut(inout Cut cut, inout SideAreas sides, uvec3 entries, vec3 r
 {
     float most = max(cut.gain, NOTED_AREA);
     float noted = cut.gain > 0.0 ? 1e30 : (cut.axis >= 0 ? walls.area[cut.axis] : NOTED_AREA);
-    for (int a = 0; a < 3; ++a) {
-        for (bool asks = rise[a] > 0.0; asks; asks = false) {
-            SideAreas found = sum_sides_of(listed_plane(entries[a], level), a, first, end, corner, level);
-            uvec3 both = min(found.near, found.far);
-            both[a] = 0u;
-            float gain = min(float(both.x + both.y + both.z) / FIXED_ONE, walls.area[a]);
-            bool divides = gain > most;
-            cut.gains[a] = gain;
-            if (divides || walls.area[a] > noted) {
-                noted = divides ? 1e30 : walls.area[a];
-                most = max(most, gain);
-                cut = Cut(a, 0u, most, cut.gains, true, ONE_CUT << 12 | (entries[a] - first) << 14 | CUT_IS_ASLANT);
-                sides = found;
-            }
+    for (uint axes = axis_bits(greaterThan(rise, vec3(0.0))); axes != 0u; axes &= axes - 1u) {
+        int a = findLSB(axes);
+        SideAreas found = sum_sides_of(listed_plane(entries[a], level), a, first, end, corner, level);
+        uvec3 both = min(found.near, found.far);
+        both[a] = 0u;
+        float gain = min(float(both.x + both.y + both.z) / FIXED_ONE, walls.area[a]);
+        bool divides = gain > most;
+        cut.gains[a] = gain;
+        if (divides || walls.area[a] > noted) {
+            noted = divides ? 1e30 : walls.area[a];
+            most = max(most, gain);
+            cut = Cut(a, 0u, most, cut.gains, true, ONE_CUT << 12 | (entries[a] - first) << 14 | CUT_IS_ASLANT);
+            sides = found;
         }
     }
 }
@@ -329,12 +334,13 @@ void find_second_cut(inout Cut cut, uvec3 entries, Walls walls, uint first, uint
 {
     CutPlane plane = listed_plane(entries[cut.axis], level);
     float most = NOTED_AREA;
-    for (int a = 0; a < 3; ++a) {
-        bool may_be = a != cut.axis && entries[a] < end && cut.gains[a] > NOTED_AREA;
-        CutPlane next = listed_plane(may_be ? entries[a] : entries[cut.axis], level);
+    uint others = axis_bits(lessThan(entries, uvec3(end))) & ~(1u << cut.axis);
+    for (uint axes = others & axis_bits(greaterThan(cut.gains, vec3(NOTED_AREA))); axes != 0u; axes &= axes - 1u) {
+        int a = findLSB(axes);
+        CutPlane next = listed_plane(entries[a], level);
         uvec3 areas = uvec3(0u);  // beyond the first, beyond the second, beyond both
         uint all = 0u;
-        for (uint k = first; k < (may_be ? end : first); ++k) {
+        for (uint k = first; k < end; ++k) {
             Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
             int facing = int(part.facing >> 1);
             for (bool is_across = facing != cut.axis && facing != a; is_across; is_across = false) {
