@@ -138,6 +138,7 @@ def test_links() -> None:
     """As set, four to a texel; more where faces are few, up to a limit."""
     assert [link_count(n, 1e7) for n in (1, 4, 5, 8, 255)] == [4, 4, 8, 8, 256]
     assert [link_count(4, n) for n in (0, 1, 1000, 10_000, 40_000, 60_000, 70_000)] == [64, 64, 64, 28, 8, 4, 4]
+    assert [link_count(8, n) for n in (10_000, 40_000, 131_072, 200_000)] == [64, 28, 8, 8]
     assert link_count(128, 1000) == 128
 
 
