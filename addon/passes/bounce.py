@@ -30,8 +30,8 @@ LINKS_PER_STEP = 16
 CONVERGED = 2e-3
 #: The same for a draft, which goes on from the light that was there before an edit.
 DRAFT_CONVERGED = 1e-2
-#: How many faces are asked how much they change, at most.
-_ASKED = 1 << 14
+#: How many faces are asked how much they change, at most; all where none of these has light.
+_ASKED = 1 << 16
 
 
 def unpack_light(stored: np.ndarray) -> np.ndarray:
@@ -248,12 +248,17 @@ class BouncePass:
                 self.radiance[0].use(slot("TEX_FACE_RADIANCE"))
                 self.radiance[1].use(slot("TEX_RADIANCE_BEFORE"))
                 changes.bind_to_storage_buffer(slot("BUF_RESULTS"))
-                gpu.kernel("bounce_change").set(change_count=count, stride=stride).run_list(count)
-                gpu.barrier()  # read back
-                seen, changed = np.frombuffer(changes.read(), np.float32)[: 2 * count].reshape(-1, 2).sum(0, np.float64)
+                kernel = gpu.kernel("bounce_change").set(change_count=count, face_count=faces, stride=stride)
+                for run in (1, stride):
+                    kernel.set(face_run=run).run_list(count)
+                    gpu.barrier()  # read back
+                    sums = np.frombuffer(changes.read(), np.float32)[: 2 * count].reshape(-1, 2)
+                    seen, changed = sums.sum(axis=0, dtype=np.float64).tolist()
+                    if seen > 0.0:
+                        return float(2.0 * changed / seen)  # of radiance, which changes twice as much
             finally:
                 gpu.free(changes)
-        return float(2.0 * changed / seen) if seen > 0.0 else 0.0  # of radiance, which changes twice as much
+        return 0.0
 
     def _add_rest(self, voxels: Voxels, rest: float) -> None:
         """Make the second of ``radiance`` what all further bounces would lead to, which bring ``rest`` times what the

@@ -148,6 +148,22 @@ def test_bounces_end_when_dim_places_are_done_too(gpu: GpuContext, monkeypatch: 
     assert bounces < all_bounces / 3
 
 
+def test_bounces_go_on_where_few_faces_have_light(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lit closet in a dark hall: none of the faces that are asked at first knows of it."""
+    white = scenes.diffuse(0.8)
+    hall = (scenes.box((-4.0, -1.0, -1.0), (4.0, 1.0, 1.0), inside_out=True), white)
+    closet = (scenes.box((3.0, 0.5, 0.5), (3.4, 0.9, 0.9), inside_out=True), white)
+    made = scenes.scene(hall, closet, lights=[scenes.light(LightKind.POINT, 10.0, (3.2, 0.7, 0.7))])
+    found = {}
+    for asked in (1, 1 << 16):
+        monkeypatch.setattr(bounce, "_ASKED", asked)
+        with pipeline(gpu, made, scenes.settings(48, bounces=256), samples=0) as ready:
+            found[asked] = ready.statistics()["bounces"], radiance(ready)
+    assert found[1][0] == found[1 << 16][0] > 8
+    np.testing.assert_allclose(found[1][1], found[1 << 16][1], rtol=1e-3)
+    assert not found[1][1][0].any() and found[1][1].any(), "the first face is dark"
+
+
 def test_many_links(gpu: GpuContext) -> None:
     """As many links as can be set, beside a ball that has a thousand triangles in a cell: none is lost, and in a closed
     room that emits half of what leaves it the other half comes by links."""
