@@ -166,7 +166,8 @@ def test_voxels_that_do_not_fit_become_coarser(
                 raise MemoryError("links are too many")
         return original(self, name, count, *arguments)
 
-    fine = Settings(memory_budget=32) if automatic else scenes.settings(64)
+    rays = {"bounce_rays": 4}
+    fine = Settings(memory_budget=32, **rays) if automatic else scenes.settings(64, **rays)
     assert choose_resolution(made, fine) >= 64
     monkeypatch.setattr(GpuContext, "list_texture", refusing)
     before = gpu.object_count
@@ -181,12 +182,12 @@ def test_voxels_that_do_not_fit_become_coarser(
         again = len(tried)
         prepare(ready, with_sun(made, 2.0), fine, SIZE)
         assert len(tried) == again
-        prepare(ready, made, scenes.settings(24), SIZE)
+        prepare(ready, made, scenes.settings(24, **rays), SIZE)
         assert not ready.warnings and ready.grid == VoxelGrid.around(scene_bounds(made), 24)  # type: ignore[arg-type]
     finally:
         ready.release()
     assert gpu.object_count == before
-    with pipeline(gpu, made, scenes.settings(coarse), SIZE, samples=1) as expected:
+    with pipeline(gpu, made, scenes.settings(coarse, **rays), SIZE, samples=1) as expected:
         assert np.array_equal(found, expected.film.read("combined"))
 
 

@@ -246,7 +246,7 @@ def test_faces_receive_the_patch(gpu: GpuContext, monkeypatch: pytest.MonkeyPatc
     expected = 0.5 * on_a_plane(SUN)
     for limit in (world.CONCENTRATED, np.inf):
         monkeypatch.setattr(world, "CONCENTRATED", limit)
-        with pipeline(gpu, plane_under(SUN), scenes.settings(64), samples=0) as ready:
+        with pipeline(gpu, plane_under(SUN), scenes.settings(64, bounce_rays=4), samples=0) as ready:
             light = radiance(ready)[:, 0]
             lit = light > 0.0
             if draws(ready):
