@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
-// How much a bounce has changed, for faces here and there or for all. As the eye sees it, in roots of radiance, so that what is dim
-// counts too: Dammertz et al. 2010, "A Hierarchical Automatic Stopping Condition for Monte Carlo Global Illumination".
-// Input: face_radiance_tex, after the bounce; before_tex, before it.    Output: changes: sums of roots, and of how much they have
-// changed.
+// How much a bounce has changed, for faces here and there or for all. As the eye sees it, in roots of radiance, so that
+// what is dim counts too: Dammertz et al. 2010, "A Hierarchical Automatic Stopping Condition for Monte Carlo Global
+// Illumination".
+// Input: face_radiance_tex, after the bounce; before_tex, before it.
+// Output: changes: sums of roots, and of how much they have changed.
 
 #include "lib/packed_light.glsl"
 
