@@ -144,7 +144,7 @@ def _check_faces(voxels: Voxels, records: np.ndarray) -> None:
     expect_equal(name, "cells, first faces", records[:, 2], starts, "is not the count of faces before it")
     if int(counts.sum()) != faces.count:
         fail(name, "faces", "all", f"{int(counts.sum())} of cells, {faces.count} in all")
-    order = np.sort(read_words(faces.order, faces.count)[:, 0])
+    order = np.sort(read_words(faces.order, faces.count)[:, 0] & (1 << interface.FACING_SHIFT) - 1)
     expect_equal(name, "order of faces", order, np.arange(faces.count), "is listed twice, or in place of another")
     place = np.ascontiguousarray(read_words(faces.place, faces.count)[:, :3]).view(np.float32)
     expect(name, "places of faces", place, np.isfinite(place), "is not finite")
@@ -156,8 +156,9 @@ def _check_faces(voxels: Voxels, records: np.ndarray) -> None:
 def check_links(links: LinkPass, faces: int) -> None:
     """Links lead to faces, or to none."""
     assert links.links is not None
-    found = read_words(links.links, faces * links.count // 4).reshape(-1, links.count)
-    good = (found < faces) | (found == interface.NONE_INDEX)
+    none = (1 << interface.LINK_BIN_SHIFT) - 1
+    found = read_words(links.links, faces * links.count // 4).reshape(-1, links.count) & none
+    good = (found < faces) | (found == none)
     expect("link", "links (face, link)", found, good, f"is no face (of {faces})")
     check_light("link", "straight light of faces", links.straight, faces)
 

@@ -30,7 +30,8 @@ class Pipeline:
     """Renders one scene into a film. All GL objects live in ``gpu`` and are freed by ``release``."""
 
     def __init__(self, gpu: GpuContext, *, is_live: bool = False) -> None:
-        """``is_live``: somebody edits the scene. What an edit can take over is kept: 8 bytes for each voxel face."""
+        """``is_live``: somebody edits the scene. What an edit can take over is kept: 12 bytes for each voxel
+        face."""
         self.gpu = gpu
         self.voxel_light = VoxelLight(gpu, is_live=is_live)
         self.picture = Picture(gpu)

@@ -28,6 +28,7 @@ from .passes.geometry import GeometryPass
 from .passes.guide import GuidePass
 from .passes.inject import InjectPass, LightTable
 from .passes.materials import MaterialPass, Repainted, repainted
+from .passes.share_faces import SharePass
 from .passes.surface import Surfaces
 from .passes.voxelize import VoxelizePass
 from .passes.world import WorldLight
@@ -44,7 +45,8 @@ class VoxelLight:
     """Voxels of one scene and their light."""
 
     def __init__(self, gpu: GpuContext, *, is_live: bool) -> None:
-        """``is_live``: somebody edits the scene. What an edit can take over is kept: 8 bytes for each voxel face."""
+        """``is_live``: somebody edits the scene. What an edit can take over is kept: 12 bytes for each voxel
+        face."""
         self.gpu = gpu
         self._is_live = is_live
         self._memo = Memo()
@@ -57,6 +59,7 @@ class VoxelLight:
         self.inject = InjectPass(gpu)
         self.links = LinkPass(gpu)
         self.bounce = BouncePass(gpu)
+        self.share = SharePass(gpu, keeps_partners=is_live)
         self.cones = ConeVolume(gpu)
         self.guides = GuidePass(gpu)
         self._scene: SceneData | None = None
@@ -218,6 +221,7 @@ class VoxelLight:
                 glows = None
             if not is_only_repainted or self.voxelize.numbers_before is None:
                 self.bounce.renumber(self.voxelize.numbers_before if is_draft else None)
+            self.share.renumber(self.voxelize.numbers_before, self.voxelize.is_beside)
             memo.done("voxels", features.needs_radiance)
             redone["cells"] = self.voxelize.made
             self._repainted = None
@@ -245,7 +249,7 @@ class VoxelLight:
             finally:
                 if changes:
                     changes.release()
-                self.voxelize.numbers_before = None
+                self.voxelize.numbers_before = self.voxelize.is_beside = None
         else:
             self._release_light()
         if not features.has_guides:
@@ -314,7 +318,7 @@ class VoxelLight:
                 memo.done("irradiance", *light)
             passed = self.links if features.needs_links else None
             goes_on = is_draft and bool(kept and passed and self.bounce.radiance)
-            for share in self.bounce.run(voxels, self.inject.irradiance, passed, settings, goes_on=goes_on):
+            for share in self.bounce.run(voxels, self.inject.irradiance, passed, self.share, settings, goes_on=goes_on):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
             if settings.debug_checks:
                 straight = passed.straight if passed else None
@@ -371,6 +375,7 @@ class VoxelLight:
         self.links.release()
         self.inject.release()
         self.bounce.release()
+        self.share.release()
         self._memo.forget("links", "irradiance", "radiance", "draft of radiance")
 
     def put_away(self) -> None:
@@ -389,6 +394,7 @@ class VoxelLight:
         parts: tuple[Any, ...] = (
             self.cones,
             self.guides,
+            self.share,
             self.bounce,
             self.inject,
             self.links,

@@ -56,6 +56,11 @@ GUIDE_SIDE = 8
 #: Texels of its tree of shares: 1, 4, 16, ... of four shares each.
 GUIDE_TEXELS = (GUIDE_SIDE**2 - 1) // 3
 
+#: Where in a link the bin begins that its ray looks into; below lies the number of the face that it meets (lib/link.glsl).
+LINK_BIN_SHIFT = 25
+#: Where in the order of faces the facing begins; below lies the number of the face.
+FACING_SHIFT = 29
+
 #: A face or a triangle that is not there.
 NONE_INDEX = 0xFFFFFFFF
 
@@ -117,9 +122,10 @@ TEXTURE_ALIASES = {
     "TEX_FACE_REFLECTANCE": "TEX_NORMAL",  # rgba16 list: reflectance, root of weight / MAX_FACE_WEIGHT
     "TEX_FACE_STRAIGHT": "TEX_DIFFUSE",  # rg32ui list: from world and emitters along links, W/(m2 sr)
     "TEX_FACE_IRRADIANCE": "TEX_F0",  # rg32ui list: from lights, over pi
-    "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones adjacent
+    "TEX_FACE_ORDER": "TEX_CONES",  # r32ui list: faces, alike ones adjacent; facing << FACING_SHIFT
     "TEX_FACE_SHADING": "TEX_DIFFUSE",  # r32ui list: shading normal (octahedral), where light is received
-    "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees
+    "TEX_LINKS": "TEX_F90",  # rgba32ui list: faces that each face sees (lib/link.glsl)
+    "TEX_PARTNERS": "TEX_F90",  # r32ui list: with which faces each shares light (pass partners)
     "TEX_REACH": "TEX_FACE_RADIANCE",  # r8ui 3D: 1 for bricks that an edit may have changed shadows in
     "TEX_NUMBERS_BEFORE": "TEX_NORMAL",  # r32ui list: number that each face had; where faces are taken over
     "TEX_NUMBERS_NOW": "TEX_EMISSION",  # r32ui list: number that each face before has
@@ -315,6 +321,8 @@ def prelude() -> str:
         "FIRST_FACE_MASK": f"0x{(1 << HIDDEN_SHIFT) - 1:X}u",
         "HIDDEN_SHIFT": HIDDEN_SHIFT,
         "CUT_IS_ASLANT": f"0x{CUT_IS_ASLANT:X}u",
+        "LINK_BIN_SHIFT": LINK_BIN_SHIFT,
+        "FACING_SHIFT": FACING_SHIFT,
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
         "FLAT_COSINE": FLAT_COSINE,
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",

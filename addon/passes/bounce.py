@@ -16,6 +16,7 @@ from ..links import link_count
 from ..settings import Settings
 from .emitters import FACE_SAMPLES, EmitterTable
 from .face_changes import FaceChanges
+from .share_faces import SharePass
 from .voxelize import Voxels
 from .world import FACE_SAMPLES as WORLD_SAMPLES
 from .world import WorldLight
@@ -68,6 +69,10 @@ class LinkPass:
         what a scene that is the same but for an edit keeps of the links there are; None: nothing.
         """
         gpu, slot = self.gpu, interface.slot
+        if voxels.faces.count >= 1 << interface.LINK_BIN_SHIFT:
+            raise MemoryError(
+                f"{voxels.faces.count} voxel faces are more than links can tell apart: lower the voxel resolution"
+            )
         count = link_count(settings.bounce_rays, voxels.faces.count)
         brings_light = world.is_lit or emitters.count > 0
         if count != self.count or (self.straight is not None) != brings_light:
@@ -169,6 +174,7 @@ class BouncePass:
         voxels: Voxels,
         irradiance: moderngl.Texture | None,
         links: LinkPass | None,
+        share: SharePass,
         settings: Settings,
         *,
         goes_on: bool = False,
@@ -182,7 +188,7 @@ class BouncePass:
         before, self.radiance = self.radiance, []
         is_done = False
         try:
-            yield from self._steps(voxels, irradiance, links, settings, before[0] if goes_on else None)
+            yield from self._steps(voxels, irradiance, links, share, settings, before[0] if goes_on else None)
             is_done = True
         finally:
             made = self.radiance
@@ -208,6 +214,7 @@ class BouncePass:
         voxels: Voxels,
         irradiance: moderngl.Texture | None,
         links: LinkPass | None,
+        share: SharePass,
         settings: Settings,
         before: moderngl.Texture | None,
     ) -> Iterator[float]:
@@ -235,7 +242,7 @@ class BouncePass:
         if links:
             self._pass(voxels, irradiance, links, first=self.bounces == 0, last=True)  # the last bounce once more
             self.radiance.reverse()
-            self._share(voxels, irradiance)
+            share.run(voxels, self.radiance[1], irradiance, self.radiance[0])
 
     def _change(self, faces: int) -> float:
         """By which share the last bounce has changed how bright faces look, on average."""
@@ -306,21 +313,6 @@ class BouncePass:
             self.radiance[0].bind_to_image(slot("IMG_0"), read=False, write=True)
             kernel.run_list(voxels.faces.count)
             gpu.barrier()  # the next bounce and the gather read what this one wrote
-
-    def _share(self, voxels: Voxels, irradiance: moderngl.Texture | None) -> None:
-        """The second of ``radiance`` holds indirect light; the first gets what faces send."""
-        gpu, slot, count = self.gpu, interface.slot, voxels.faces.count
-        with gpu.timed("share faces"):
-            kernel = gpu.kernel("share_faces", voxels.trace_defines | {"HAS_INJECTED": irradiance is not None})
-            voxels.bind(kernel)
-            voxels.faces.bind()
-            if irradiance is not None:
-                irradiance.use(slot("TEX_FACE_IRRADIANCE"))
-            self.radiance[1].use(slot("TEX_FACE_RADIANCE"))
-            self.radiance[0].bind_to_image(slot("IMG_0"), read=False, write=True)
-            kernel.set(face_count=count)
-            kernel.run_list(count)
-            gpu.barrier()  # the gather reads it
 
     def release(self) -> None:
         """Free everything."""

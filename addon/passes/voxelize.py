@@ -166,6 +166,8 @@ class VoxelizePass:
         self.voxels: Voxels | None = None
         #: Where a part was made again: (faces,) uint32, the number that each face had before; NONE_INDEX: it is new.
         self.numbers_before: np.ndarray | None = None
+        #: And of these, which have new ones beside them, or may: (faces,) bool.
+        self.is_beside: np.ndarray | None = None
         self.made = 0  # cells that were made, of the last run
         self._owned: list[Any] = []
         self._temporary: list[Any] = []
@@ -191,7 +193,7 @@ class VoxelizePass:
         made again, and the rest is taken over, which gives the same as making all; None: all. ``moved``: they do not
         only look different there.
         """
-        self.numbers_before = None
+        self.numbers_before = self.is_beside = None
         if changed is None or not self._can_take_over(geometry, materials, has_faces):
             self.release()
             changed = None
@@ -580,6 +582,7 @@ class VoxelizePass:
 
         if taken:
             self.numbers_before = taken.copy_faces(gpu, lists.records, faces)
+            self.is_beside = np.repeat(taken.is_beside, face_counts(facings))
             items, _ = cell_axes(np.where(taken.stays, np.uint32(0), facings))
         longest = max(max(level.size) for level in geometry.grid.parts)
         block = min(interface.BRICK, max(1, longest // LINE_BLOCKS))
@@ -635,4 +638,4 @@ class VoxelizePass:
         """Free everything."""
         self.gpu.free(*self._owned, *self._temporary)
         self._owned, self._temporary = [], []
-        self.voxels = self.numbers_before = None
+        self.voxels = self.numbers_before = self.is_beside = None

@@ -377,7 +377,7 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
     assert programs == {
         "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_cut", "voxel_resolve",
         "face_order", "neighbours",
-        "inject", "link", "bounce", "share_faces", "guide_light", "guide_collect", "guide_build", "pixel_bins",
+        "inject", "link", "bounce", "partners", "share_faces", "guide_light", "guide_collect", "guide_build", "pixel_bins",
         "surface", "light_shapes", "direct", "gather", "reconstruct", "compose", "film",
     }  # fmt: skip
     assert memory == {

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from addon.gpu.context import GpuContext
-from addon.passes.bounce import BouncePass
+from addon.passes.share_faces import SharePass
 from addon.scene import LightKind, SceneData
 from blender_tests.passes import scenes
 from blender_tests.passes.run import pipeline, radiance, read_voxels
@@ -34,7 +34,7 @@ def faces(gpu: GpuContext, scene: SceneData, resolution: int, rays: int) -> tupl
 
 def unshared(monkeypatch: pytest.MonkeyPatch) -> None:
     """Faces keep what their own links bring."""
-    monkeypatch.setattr(BouncePass, "_share", lambda self, voxels, irradiance: iter(()))
+    monkeypatch.setattr(SharePass, "run", lambda *_: None)
 
 
 def test_noise_falls(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,8 @@ uint number_before(uint face)
     return texelFetch(numbers_before_tex, list_texel(face), 0).r;
 }
 
-void list_changed(uint face)
+// As the order of all faces lists them (lib/site.glsl).
+void list_changed(uint face, uint facing)
 {
-    imageStore(changed_img, list_texel(atomicAdd(changed_count, 1u)), uvec4(face));
+    imageStore(changed_img, list_texel(atomicAdd(changed_count, 1u)), uvec4(face | facing << FACING_SHIFT));
 }

@@ -38,12 +38,24 @@ ivec2 neighbour_step(int k)
     return k < 4 ? along : ivec2(1 - 2 * (k & 1), 1 - (k & 2));
 }
 
-// The face whose surface is one cell further. Across the border of a level there is none: two faces give each other the same
-// share only where each is the other's neighbour.
+// One cell further on the surface, as the tangent plane goes on.
+vec3 place_beside(Surroundings around, ivec2 step)
+{
+    return around.position + (float(step.x) * around.right + float(step.y) * around.up);
+}
+
+// The face that has the surface in the cell of such a place. Across the border of a level there is none: two faces give each
+// other the same share only where each is the other's neighbour.
+FoundFace face_in(Surroundings around, ivec3 cell, uvec4 record)
+{
+    Sides sides = sides_of(record, cell, around.position, around.position, around.normal);
+    FoundFace found = find_face_of(record, cell, around.normal, sides.beyond.x, sides.strays.x, false);
+    found.bit = level_of_cell(cell) == around.level ? found.bit : NONE_INDEX;
+    return found;
+}
+
 FoundFace face_beside(Surroundings around, ivec2 step)
 {
-    vec3 place = around.position + (float(step.x) * around.right + float(step.y) * around.up);
-    FoundFace found = find_face(cell_at(place), around.normal, around.position, false);
-    found.bit = level_of(place) == around.level ? found.bit : NONE_INDEX;
-    return found;
+    ivec3 cell = cell_at(place_beside(around, step));
+    return face_in(around, cell, record_of(cell));
 }

@@ -16,8 +16,11 @@ layout(binding = TEX_FACE_SHADING) uniform usampler2D face_shading_tex;
 uniform uint site_first;  // of this dispatch
 uniform uint face_count;  // of all
 
+const uint FACE_MASK = (1u << FACING_SHIFT) - 1u;
+
 struct Site {
     uint face;      // NONE_INDEX: this thread has no site
+    uint facing;
     uint seed;      // of random numbers
     vec3 position;  // grid space
     vec3 origin;    // where its rays start
@@ -27,10 +30,12 @@ struct Site {
 
 Site site_of_thread()
 {
-    Site site = Site(NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+    Site site = Site(NONE_INDEX, 0u, 0u, vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
     uint index = site_first + invocation_index();
     if (index < face_count) {
-        site.face = texelFetch(face_order_tex, list_texel(index), 0).r;
+        uint ordered = texelFetch(face_order_tex, list_texel(index), 0).r;
+        site.face = ordered & FACE_MASK;
+        site.facing = ordered >> FACING_SHIFT;
         site.seed = face_seed(site.face);
         fetch_face_place(site.face, site.position, site.normal);
         site.origin = site.position + site.normal * ray_start(site.position);

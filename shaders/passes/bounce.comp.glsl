@@ -7,6 +7,7 @@
 // Input: faces, irradiance, links, straight_tex, face_radiance_tex.    Output: radiance_img, W/(m2 sr).
 
 #include "lib/face.glsl"
+#include "lib/link.glsl"
 #include "lib/packed_light.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
@@ -45,8 +46,9 @@ void main()
     for (uint q = 0u; q < quads; ++q) {
         uvec4 links = texelFetch(links_tex, list_texel(face * quads + q), 0);
         for (int k = 0; k < 4; ++k) {
-            uvec2 stored = texelFetch(face_radiance_tex, list_texel(min(links[k], face_count - 1u)), 0).rg;
-            sum += links[k] == NONE_INDEX ? vec3(0.0) : unpack_light(stored);
+            uint linked = links[k] & LINK_FACE_MASK;
+            uvec2 stored = texelFetch(face_radiance_tex, list_texel(min(linked, face_count - 1u)), 0).rg;
+            sum += linked == LINK_FACE_MASK ? vec3(0.0) : unpack_light(stored);
         }
     }
     incoming += sum / float(link_count);

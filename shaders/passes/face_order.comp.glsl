@@ -23,6 +23,6 @@ void main()
     fetch_face_work(number, cell, side, axis);
     uint face = face_index(texelFetch(cells_tex, list_texel(cell), 0), 6u * side + 2u * axis);
     uint place = number + (axis > 0u ? axis_counts.x : 0u) + (axis > 1u ? axis_counts.y : 0u);
-    imageStore(order_img, list_texel(place), uvec4(face));
-    imageStore(order_img, list_texel(place + axis_counts[axis]), uvec4(face + 1u));
+    imageStore(order_img, list_texel(place), uvec4(face | 2u * axis << FACING_SHIFT));
+    imageStore(order_img, list_texel(place + axis_counts[axis]), uvec4((face + 1u) | (2u * axis + 1u) << FACING_SHIFT));
 }

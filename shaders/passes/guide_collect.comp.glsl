@@ -7,8 +7,9 @@
 #include "lib/face.glsl"
 #include "lib/guide_work.glsl"
 #include "lib/guide_light.glsl"
-#include "lib/link_shift.glsl"
+#include "lib/link.glsl"
 #if HAS_WORLD
+#include "lib/link_shift.glsl"
 #include "lib/world.glsl"
 #endif
 
@@ -20,24 +21,18 @@ layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_light_tex;
 layout(binding = IMG_0, rgba32f) writeonly uniform image2D bins_img;
 
 uniform uint link_count;  // of each face
+#if HAS_WORLD
 uniform uint random_seed;
 
-// Where the light of ray k of a face comes from, and what it counts. `link`: the face that the ray meets.
-void fetch_link(uint link, uint k, vec3 position, vec3 normal, uvec2 shift, out vec3 direction, out float light)
+// Of the world, what ray k of a face brings, as pass link has drawn it, but for shading normals.
+float light_of_world(uint face, uint k)
 {
-    if (link != NONE_INDEX) {
-        vec3 way = uintBitsToFloat(texelFetch(face_place_tex, list_texel(link), 0).xyz) - position;
-        direction = way / max(length(way), 1e-6);
-        light = texelFetch(face_light_tex, list_texel(link), 0).r;
-    } else {
-        direction = sample_cosine(normal, sample_2d(k, shift));  // as pass link has drawn it, but for shading normals
-#if HAS_WORLD
-        light = guide_light(world_along(direction));
-#else
-        light = 0.0;
-#endif
-    }
+    vec3 position, normal;
+    fetch_face_place(face, position, normal);
+    uvec2 shift = link_shift(position + normal * ray_start(position), normal, random_seed);
+    return guide_light(world_along(sample_cosine(normal, sample_2d(k, shift))));
 }
+#endif
 
 void main()
 {
@@ -63,20 +58,19 @@ void main()
         if (face == NONE_INDEX) {
             break;
         }
-        vec3 position;
-        vec3 normal;
-        fetch_face_place(face, position, normal);
-        uvec2 shift = link_shift(position + normal * ray_start(position), normal, random_seed);
         for (uint q = 0u; q < link_count / 4u; ++q) {
             uvec4 links = texelFetch(links_tex, list_texel(face * (link_count / 4u) + q), 0);
             for (int k = 0; k < 4; ++k) {
-                vec3 direction;
-                float light;
-                fetch_link(links[k], 4u * q + uint(k), position, normal, shift, direction, light);
-                vec3 local = facing_from_grid(work.facing, direction);
-                if (local.z > 0.0) {
-                    ivec2 place = ivec2(square_from_hemisphere(local) * float(GUIDE_SIDE));
-                    bins[place.x + GUIDE_SIDE * place.y] += vec2(light, 1.0);
+                uint linked = linked_face(links[k]);
+                float light = linked == NONE_INDEX ? 0.0 : texelFetch(face_light_tex, list_texel(linked), 0).r;
+#if HAS_WORLD
+                if (linked == NONE_INDEX) {
+                    light = light_of_world(face, 4u * q + uint(k));
+                }
+#endif
+                uint bin = link_bin(links[k]);
+                if (bin != NO_BIN) {
+                    bins[bin] += vec2(light, 1.0);
                 }
             }
         }

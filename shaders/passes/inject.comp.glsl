@@ -103,7 +103,7 @@ Site site_point(Site site, uint k)
     }
     uint face = k == 0u || is_there ? site.face : NONE_INDEX;
     uint seed = k == 0u ? site.seed : hash(site.seed, k);
-    return Site(face, seed, site.position + shift, origin, site.normal, site.shading_normal);
+    return Site(face, site.facing, seed, site.position + shift, origin, site.normal, site.shading_normal);
 }
 
 #if HAS_LIGHTS
@@ -229,10 +229,11 @@ void main()
 #if FINDS_CHANGED && HAS_REACH
     // Most faces need no more than this.
     uint number = site_first + invocation_index();
-    uint face = number < face_count ? texelFetch(face_order_tex, list_texel(number), 0).r : 0u;
+    uint ordered = number < face_count ? texelFetch(face_order_tex, list_texel(number), 0).r : 0u;
+    uint face = ordered & FACE_MASK;
     vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(face), 0).xyz);
     uint reach = texelFetch(reach_tex, nearest_cell(place) / BRICK, 0).r;
-    Site site = Site(number < face_count ? face : NONE_INDEX, 0u, vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+    Site site = Site(number < face_count ? face : NONE_INDEX, ordered >> FACING_SHIFT, 0u, vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
     for (bool unsure = reach != 0u; unsure; unsure = false) {  // not an `if`, whose inside software rasterizers always run
         site = site_of_thread();
     }
@@ -268,7 +269,7 @@ void main()
 #if FINDS_CHANGED
     uint before = number_before(site.face);
     if (has_changed || before == NONE_INDEX) {
-        list_changed(site.face);
+        list_changed(site.face, site.facing);
     } else {
         imageStore(irradiance_img, list_texel(site.face), texelFetch(irradiance_before_tex, list_texel(before), 0));
     }

@@ -4,12 +4,13 @@
 // trace nothing. Rays that leave the scene bring the world's light, those that meet an emitter its light, weighed against
 // the directions and points that pass inject draws; both are averaged here.
 // Input: faces, emitters, triangles of cells.
-// Output: link_img (link_count numbers of faces for each face), straight_img: W/(m2 sr), mean over all rays.
+// Output: link_img (link_count links for each face), straight_img: W/(m2 sr), mean over all rays.
 // Follows Keller 1997, "Instant Radiosity", and Szirmay-Kalos 1999, "Stochastic Iteration for Non-diffuse Global
 // Illumination"; differs: one fixed set of rays serves all iterations, so that they are products with a sparse matrix.
 
 #include "lib/radiance.glsl"
 #include "lib/site.glsl"
+#include "lib/link.glsl"
 #include "lib/link_ray.glsl"
 #if HAS_WORLD
 #include "lib/world.glsl"
@@ -66,7 +67,7 @@ void main()
 #endif
         }
 #endif
-        links[k & 3u] = link;
+        links[k & 3u] = pack_link(link, site.facing, direction);
         if ((k & 3u) == 3u) {
             imageStore(link_img, list_texel((site.face * link_count + k) / 4u), links);
         }

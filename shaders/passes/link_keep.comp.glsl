@@ -4,6 +4,7 @@
 // Input: faces, their numbers before and now, links and straight light before.
 // Output: link_img, straight_img (HAS_STRAIGHT), changed_img.
 
+#include "lib/link.glsl"
 #include "lib/link_ray.glsl"
 #include "lib/changed_faces.glsl"
 
@@ -39,10 +40,11 @@ void main()
     for (uint q = 0u; q < (before == NONE_INDEX ? 0u : quads); ++q) {
         uvec4 links = texelFetch(links_before_tex, list_texel(before * quads + q), 0);
         for (int k = 0; k < 4; ++k) {
-            uint number = texelFetch(numbers_now_tex, list_texel(links[k] == NONE_INDEX ? 0u : links[k]), 0).r;
-            number = links[k] == NONE_INDEX ? NONE_INDEX : number;
-            has_changed = has_changed || (number == NONE_INDEX && links[k] != NONE_INDEX);
-            links[k] = number;
+            uint linked = linked_face(links[k]);
+            uint number = texelFetch(numbers_now_tex, list_texel(linked == NONE_INDEX ? 0u : linked), 0).r;
+            number = linked == NONE_INDEX ? NONE_INDEX : number;
+            has_changed = has_changed || (number == NONE_INDEX && linked != NONE_INDEX);
+            links[k] = (links[k] & ~LINK_FACE_MASK) | (number & LINK_FACE_MASK);
         }
         imageStore(link_img, list_texel(site.face * quads + q), links);
         // Loops, not `if`s: software rasterizers run the inside of an `if` whether it holds or not.
@@ -50,7 +52,7 @@ void main()
             vec3 direction;
             bool leaves = link_ray(site, 4u * q + k, shift, seed, direction);
             for (bool unsure = leaves && crosses_hull(site.origin, direction); unsure; unsure = false) {
-                uint number = links[k];
+                uint number = linked_face(links[k]);
                 vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(number == NONE_INDEX ? 0u : number), 0).xyz);
                 // 2: diagonals of cubes, or the wider cells beside
                 float farthest = (LEVELS > 0 ? 4.0 : 2.0) * FARTHEST_PLACE * cell_side(place);
@@ -60,7 +62,7 @@ void main()
         }
     }
     if (has_changed) {
-        list_changed(site.face);
+        list_changed(site.face, site.facing);
         return;
     }
 #if HAS_STRAIGHT
