@@ -56,7 +56,7 @@ GUIDE_SIDE = 8
 #: Texels of its tree of shares: 1, 4, 16, ... of four shares each.
 GUIDE_TEXELS = (GUIDE_SIDE**2 - 1) // 3
 
-#: Where in a link the bin begins that its ray looks into; below lies the number of the face that it meets (lib/link.glsl).
+#: Where in a link the bin begins that its ray looks into (lib/link.glsl); below lies the number of the face it meets.
 LINK_BIN_SHIFT = 25
 #: Where in the order of faces the facing begins; below lies the number of the face.
 FACING_SHIFT = 29

@@ -428,6 +428,25 @@ def test_an_interrupted_edit_shows_nowhere(gpu: GpuContext) -> None:
                 break
 
 
+def test_an_interrupted_edit_and_another_elsewhere(gpu: GpuContext) -> None:
+    """What is not yet known of faces since the first is not forgotten with the second."""
+    made = room()
+    both = placed(placed(made, EDITS["scaled"]), EDITS["turned"])
+    ways = [(placed(made, EDITS["scaled"]), both), (placed(both, {1: np.eye(4)}), made)]
+    wanted = [fresh(gpu, end) for _, end in ways]
+    steps, is_whole = 0, False
+    with pipeline(gpu, made, SETTINGS, SIZE, samples=1, is_live=True) as ready:
+        while not is_whole:
+            steps += 3
+            for (first, end), right in zip(ways, wanted, strict=True):
+                half = ready.prepare(first, SETTINGS, SIZE)
+                is_whole = sum(1 for _ in zip(half, range(steps), strict=False)) < steps
+                half.close()
+                prepare(ready, end, SETTINGS, SIZE)
+                sample(ready, 1)
+                assert_same(bits(ready), right)
+
+
 def test_a_render_keeps_nothing_for_edits(gpu: GpuContext) -> None:
     """It takes over voxels and links all the same: frames of an animation are edits too."""
     made = room()

@@ -376,8 +376,8 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
     }  # fmt: skip
     assert programs == {
         "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_cut", "voxel_resolve",
-        "face_order", "neighbours",
-        "inject", "link", "bounce", "partners", "share_faces", "guide_light", "guide_collect", "guide_build", "pixel_bins",
+        "face_order", "neighbours", "inject", "link", "bounce", "partners", "share_faces",
+        "guide_light", "guide_collect", "guide_build", "pixel_bins",
         "surface", "light_shapes", "direct", "gather", "reconstruct", "compose", "film",
     }  # fmt: skip
     assert memory == {
