@@ -144,7 +144,9 @@ def _check_faces(voxels: Voxels, records: np.ndarray) -> None:
     expect_equal(name, "cells, first faces", records[:, 2], starts, "is not the count of faces before it")
     if int(counts.sum()) != faces.count:
         fail(name, "faces", "all", f"{int(counts.sum())} of cells, {faces.count} in all")
-    order = np.sort(read_words(faces.order, faces.count)[:, 0] & (1 << interface.FACING_SHIFT) - 1)
+    listed = read_words(faces.order, faces.count)[:, 0]
+    expect(name, "facings in the order of faces", listed, listed >> interface.FACING_SHIFT < 6, "is no facing")
+    order = np.sort(listed & (1 << interface.FACING_SHIFT) - 1)
     expect_equal(name, "order of faces", order, np.arange(faces.count), "is listed twice, or in place of another")
     place = np.ascontiguousarray(read_words(faces.place, faces.count)[:, :3]).view(np.float32)
     expect(name, "places of faces", place, np.isfinite(place), "is not finite")
@@ -157,7 +159,10 @@ def check_links(links: LinkPass, faces: int) -> None:
     """Links lead to faces, or to none."""
     assert links.links is not None
     none = (1 << interface.LINK_BIN_SHIFT) - 1
-    found = read_words(links.links, faces * links.count // 4).reshape(-1, links.count) & none
+    words = read_words(links.links, faces * links.count // 4).reshape(-1, links.count)
+    bins = words >> interface.LINK_BIN_SHIFT
+    expect("link", "bins of links (face, link)", bins, (bins < interface.GUIDE_SIDE**2) | (bins == 127), "is no bin")
+    found = words & none
     good = (found < faces) | (found == none)
     expect("link", "links (face, link)", found, good, f"is no face (of {faces})")
     check_light("link", "straight light of faces", links.straight, faces)

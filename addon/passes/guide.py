@@ -91,7 +91,7 @@ class GuidePass:
             with gpu.timed("guides"):
                 kernel = gpu.kernel("guide_collect", world.defines | voxels.grid.defines)
                 kernel.set(brick_count=voxels.grid.bricks, guide_first=first, guide_count=count, bin_count=_BINS)
-                kernel.set(link_count=links.count, random_seed=settings.seed, **voxels.grid.uniforms)
+                kernel.set(link_count=links.count, **voxels.grid.uniforms)
                 voxels.bricks.use(slot("TEX_BRICKS"))
                 voxels.cells.use(slot("TEX_CELLS"))
                 voxels.faces.bind()

@@ -19,19 +19,20 @@ class SharePass:
         self.gpu = gpu
         self._keeps_partners = keeps_partners
         self._partners: moderngl.Texture | None = None
-        self._unknown = np.zeros(0, np.uint32)  # faces whose partners are still to be found
+        self._unknown: np.ndarray | None = None  # (N,) uint32: whose partners are still to be found; None: of all
 
     def renumber(self, numbers_before: np.ndarray | None, is_beside: np.ndarray | None) -> None:
         """Faces have other numbers. ``numbers_before``: (faces,) uint32, NONE_INDEX for new ones; ``is_beside``:
         (faces,) bool, there may be new ones beside, or they are new; None: nothing is kept."""
-        if numbers_before is None or is_beside is None or self._partners is None:
+        if numbers_before is None or is_beside is None or self._partners is None or self._unknown is None:
             self.release()
             return
         with self.gpu.timed("share faces"):
             stored = np.frombuffer(self._partners.read(), np.uint32)
             was_unknown = np.zeros(len(stored), bool)
             was_unknown[self._unknown] = True  # light has not got so far since
-            self.release()
+            self.gpu.free(self._partners)
+            self._partners = None
             before = np.where(is_beside, 0, numbers_before)
             self._partners = self.gpu.list_texture("partners of faces", len(before), 1, "u4", stored[before])
             self._unknown = np.flatnonzero(is_beside | was_unknown[before]).astype(np.uint32)
@@ -63,28 +64,28 @@ class SharePass:
                 self.release()
 
     def _find_partners(self, voxels: Voxels) -> moderngl.Texture:
-        gpu, slot = self.gpu, interface.slot
+        gpu, slot, unknown = self.gpu, interface.slot, self._unknown
         if self._partners is None:
             self._partners = gpu.list_texture("partners of faces", voxels.faces.count, 1, "u4")
-            self._unknown = np.arange(voxels.faces.count, dtype=np.uint32)
-        if len(self._unknown):
-            asked = gpu.buffer("partners of faces", self._unknown)
+            unknown = self._unknown = None
+        count = voxels.faces.count if unknown is None else len(unknown)
+        if count:
+            asked = gpu.buffer("partners of faces", np.zeros(1, np.uint32) if unknown is None else unknown)
             try:
                 kernel = gpu.kernel("partners", voxels.trace_defines)
                 voxels.bind(kernel)
                 voxels.faces.bind()
                 asked.bind_to_storage_buffer(slot("BUF_WORK"))
                 self._partners.bind_to_image(slot("IMG_0"), read=False, write=True)
-                kernel.set(work_count=len(self._unknown))
-                kernel.run_list(len(self._unknown))
+                kernel.set(work_count=count, asks_all=unknown is None)
+                kernel.run_list(count)
                 gpu.barrier()  # read as a texture
-                self._unknown = self._unknown[:0]
             finally:
                 gpu.free(asked)
+        self._unknown = np.zeros(0, np.uint32)
         return self._partners
 
     def release(self) -> None:
         """Free everything."""
         self.gpu.free(self._partners)
-        self._partners = None
-        self._unknown = np.zeros(0, np.uint32)
+        self._partners = self._unknown = None

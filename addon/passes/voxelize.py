@@ -58,7 +58,7 @@ class Faces:
     count: int
     place: moderngl.Texture  # rgba32ui
     reflectance: moderngl.Texture  # rgba16, unsigned normalized: half floats would lose energy at each bounce
-    order: moderngl.Texture  # r32ui: faces, alike ones next to each other
+    order: moderngl.Texture  # r32ui: faces, alike ones next to each other, with their facings
     shading: moderngl.Texture | None  # r32ui: shading normals; None: all are the triangles'
 
     def bind(self) -> None:

@@ -10,7 +10,7 @@ const uint NO_BIN = 127u;  // from below the facing's horizon
 uint pack_link(uint face, uint facing, vec3 direction)
 {
     vec3 local = facing_from_grid(facing, direction);
-    ivec2 place = ivec2(square_from_hemisphere(local) * float(GUIDE_SIDE));
+    ivec2 place = clamp(ivec2(square_from_hemisphere(local) * float(GUIDE_SIDE)), 0, GUIDE_SIDE - 1);
     uint bin = local.z > 0.0 ? uint(place.x + GUIDE_SIDE * place.y) : NO_BIN;
     return face & LINK_FACE_MASK | bin << LINK_BIN_SHIFT;
 }

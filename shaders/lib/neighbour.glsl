@@ -21,11 +21,12 @@ Surroundings surroundings(uint face)
     int right = (axis + 1) % 3;
     int up = (axis + 2) % 3;
     around.level = level_of(around.position);
+    precise float rise_right = -normal[right] / normal[axis], rise_up = -normal[up] / normal[axis];
     around.right = around.up = vec3(0.0);
     around.right[right] = 1.0;
-    around.right[axis] = -normal[right] / normal[axis];
+    around.right[axis] = rise_right;
     around.up[up] = 1.0;
-    around.up[axis] = -normal[up] / normal[axis];
+    around.up[axis] = rise_up;
     around.right *= level_side(around.level);
     around.up *= level_side(around.level);
     return around;
@@ -38,24 +39,20 @@ ivec2 neighbour_step(int k)
     return k < 4 ? along : ivec2(1 - 2 * (k & 1), 1 - (k & 2));
 }
 
-// One cell further on the surface, as the tangent plane goes on.
+// One cell further on the surface, as the tangent plane goes on. The same bits in every program: one finds the face there
+// (pass partners) that another fetches.
 vec3 place_beside(Surroundings around, ivec2 step)
 {
-    return around.position + (float(step.x) * around.right + float(step.y) * around.up);
+    precise vec3 place = around.position + (float(step.x) * around.right + float(step.y) * around.up);
+    return place;
 }
 
-// The face that has the surface in the cell of such a place. Across the border of a level there is none: two faces give each
-// other the same share only where each is the other's neighbour.
-FoundFace face_in(Surroundings around, ivec3 cell, uvec4 record)
-{
-    Sides sides = sides_of(record, cell, around.position, around.position, around.normal);
-    FoundFace found = find_face_of(record, cell, around.normal, sides.beyond.x, sides.strays.x, false);
-    found.bit = level_of_cell(cell) == around.level ? found.bit : NONE_INDEX;
-    return found;
-}
-
+// The face whose surface is one cell further. Across the border of a level there is none: two faces give each other the same
+// share only where each is the other's neighbour.
 FoundFace face_beside(Surroundings around, ivec2 step)
 {
-    ivec3 cell = cell_at(place_beside(around, step));
-    return face_in(around, cell, record_of(cell));
+    vec3 place = place_beside(around, step);
+    FoundFace found = find_face(cell_at(place), around.normal, around.position, false);
+    found.bit = level_of(place) == around.level ? found.bit : NONE_INDEX;
+    return found;
 }

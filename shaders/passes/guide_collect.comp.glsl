@@ -9,7 +9,6 @@
 #include "lib/guide_light.glsl"
 #include "lib/link.glsl"
 #if HAS_WORLD
-#include "lib/link_shift.glsl"
 #include "lib/world.glsl"
 #endif
 
@@ -22,15 +21,11 @@ layout(binding = IMG_0, rgba32f) writeonly uniform image2D bins_img;
 
 uniform uint link_count;  // of each face
 #if HAS_WORLD
-uniform uint random_seed;
-
-// Of the world, what ray k of a face brings, as pass link has drawn it, but for shading normals.
-float light_of_world(uint face, uint k)
+// Of the world, from the middle of a bin.
+float light_of_world(uint facing, uint bin)
 {
-    vec3 position, normal;
-    fetch_face_place(face, position, normal);
-    uvec2 shift = link_shift(position + normal * ray_start(position), normal, random_seed);
-    return guide_light(world_along(sample_cosine(normal, sample_2d(k, shift))));
+    vec2 place = (vec2(bin % uint(GUIDE_SIDE), bin / uint(GUIDE_SIDE)) + 0.5) / float(GUIDE_SIDE);
+    return guide_light(world_along(grid_from_facing(facing, hemisphere_from_square(place))));
 }
 #endif
 
@@ -62,14 +57,14 @@ void main()
             uvec4 links = texelFetch(links_tex, list_texel(face * (link_count / 4u) + q), 0);
             for (int k = 0; k < 4; ++k) {
                 uint linked = linked_face(links[k]);
-                float light = linked == NONE_INDEX ? 0.0 : texelFetch(face_light_tex, list_texel(linked), 0).r;
-#if HAS_WORLD
-                if (linked == NONE_INDEX) {
-                    light = light_of_world(face, 4u * q + uint(k));
-                }
-#endif
                 uint bin = link_bin(links[k]);
-                if (bin != NO_BIN) {
+                if (bin < uint(GUIDE_BINS)) {
+                    float light = linked == NONE_INDEX ? 0.0 : texelFetch(face_light_tex, list_texel(linked), 0).r;
+#if HAS_WORLD
+                    if (linked == NONE_INDEX) {
+                        light = light_of_world(work.facing, bin);
+                    }
+#endif
                     bins[bin] += vec2(light, 1.0);
                 }
             }

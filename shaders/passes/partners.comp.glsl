@@ -8,10 +8,11 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(std430, binding = BUF_WORK) readonly buffer Asked { uint asked[]; };  // faces
+layout(std430, binding = BUF_WORK) readonly buffer Asked { uint asked[]; };  // faces, if not all
 layout(binding = IMG_0, r32ui) writeonly uniform uimage2D partners_img;
 
 uniform uint work_count;
+uniform bool asks_all;
 
 const float ALIKE = 0.95;       // cosine between normals of faces that share
 const float OFF_PLANE = 0.25;   // how far off the tangent plane the other's place may lie, against how far away it is
@@ -50,7 +51,7 @@ void main()
     if (number >= work_count) {
         return;
     }
-    uint face = asked[number];
+    uint face = asks_all ? number : asked[number];
     Surroundings around = surroundings(face);
     Here here = find_here(around);
     uint partners = 0u;

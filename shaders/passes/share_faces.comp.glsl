@@ -29,9 +29,10 @@ void main()
     vec3 own = face_radiance(face);
     vec3 incoming = own;
     for (int k = 0; k < 8; ++k) {
-        uint bit = partners >> 4 * k & 15u;
+        uint code = partners >> 4 * k & 15u, bit = max(code, 1u) - 1u;
         uvec4 record = record_of(cell_at(place_beside(around, neighbour_step(k))));
-        uint other = bit == 0u ? face : face_index(record, bit - 1u);
+        bool is_there = code != 0u && (record.w >> bit & 1u) != 0u;
+        uint other = is_there ? face_index(record, bit) : face;
         incoming += (k < 4 ? 2.0 : 1.0) / 16.0 * (face_radiance(other) - own);
     }
 #if HAS_INJECTED
