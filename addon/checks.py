@@ -161,7 +161,8 @@ def check_links(links: LinkPass, faces: int) -> None:
     none = (1 << interface.LINK_BIN_SHIFT) - 1
     words = read_words(links.links, faces * links.count // 4).reshape(-1, links.count)
     bins = words >> interface.LINK_BIN_SHIFT
-    expect("link", "bins of links (face, link)", bins, (bins < interface.GUIDE_SIDE**2) | (bins == 127), "is no bin")
+    good = (bins < interface.GUIDE_SIDE**2) | (bins == interface.NO_BIN)
+    expect("link", "bins of links (face, link)", bins, good, "is no bin")
     found = words & none
     good = (found < faces) | (found == none)
     expect("link", "links (face, link)", found, good, f"is no face (of {faces})")

@@ -258,7 +258,7 @@ class VoxelLight:
         elif memo.has("draft of radiance") and self.guides.grid == grid:
             pass  # those before will do: they only say where rays go
         elif memo.stale("guides", self._radiance_version):
-            for _ in self.guides.run(voxels, self.bounce.radiance[0], self.links, self.world, settings):
+            for _ in self.guides.run(voxels, self.bounce.radiance[0], self.links, self.world):
                 yield Progress(1.0, "Guiding rays")
             memo.done("guides", self._radiance_version)
         if not features.needs_cones:

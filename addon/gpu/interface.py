@@ -58,6 +58,8 @@ GUIDE_TEXELS = (GUIDE_SIDE**2 - 1) // 3
 
 #: Where in a link the bin begins that its ray looks into (lib/link.glsl); below lies the number of the face it meets.
 LINK_BIN_SHIFT = 25
+#: Instead of a bin: the ray comes from below the horizon of the face's facing.
+NO_BIN = (1 << 32 - LINK_BIN_SHIFT) - 1
 #: Where in the order of faces the facing begins; below lies the number of the face.
 FACING_SHIFT = 29
 
@@ -322,6 +324,7 @@ def prelude() -> str:
         "HIDDEN_SHIFT": HIDDEN_SHIFT,
         "CUT_IS_ASLANT": f"0x{CUT_IS_ASLANT:X}u",
         "LINK_BIN_SHIFT": LINK_BIN_SHIFT,
+        "NO_BIN": f"{NO_BIN}u",
         "FACING_SHIFT": FACING_SHIFT,
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
         "FLAT_COSINE": FLAT_COSINE,

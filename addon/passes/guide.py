@@ -11,7 +11,6 @@ import numpy as np
 from ..gpu import interface
 from ..gpu.context import GpuContext
 from ..grid import VoxelGrid
-from ..settings import Settings
 from .bounce import LinkPass
 from .voxel_numbers import guide_entries
 from .voxelize import Voxels
@@ -40,9 +39,7 @@ class GuidePass:
         """Whose bricks have guides."""
         return self._voxels.grid if self._voxels else None
 
-    def run(
-        self, voxels: Voxels, radiance: moderngl.Texture, links: LinkPass, world: WorldLight, settings: Settings
-    ) -> Iterator[float]:
+    def run(self, voxels: Voxels, radiance: moderngl.Texture, links: LinkPass, world: WorldLight) -> Iterator[float]:
         """Make the guides from what ``links`` bring when faces send ``radiance``. Yields the share done."""
         gpu = self.gpu
         with gpu.timed("guides"):
@@ -53,7 +50,7 @@ class GuidePass:
         try:
             bins = gpu.list_texture("guide bins", len(self._work) * _BINS // 2, 4, "f4")
             light = gpu.list_texture("guide bins", voxels.faces.count, 1, "f4")
-            yield from self._steps(voxels, radiance, links, world, settings, bins, light, listed)
+            yield from self._steps(voxels, radiance, links, world, bins, light, listed)
         finally:
             gpu.free(bins, light, listed)
 
@@ -73,7 +70,6 @@ class GuidePass:
         radiance: moderngl.Texture,
         links: LinkPass,
         world: WorldLight,
-        settings: Settings,
         bins: moderngl.Texture,
         light: moderngl.Texture,
         listed: moderngl.Buffer,
@@ -94,7 +90,6 @@ class GuidePass:
                 kernel.set(link_count=links.count, **voxels.grid.uniforms)
                 voxels.bricks.use(slot("TEX_BRICKS"))
                 voxels.cells.use(slot("TEX_CELLS"))
-                voxels.faces.bind()
                 light.use(slot("TEX_FACE_RADIANCE"))
                 links.links.use(slot("TEX_LINKS"))
                 world.bind(kernel)

@@ -12,6 +12,7 @@ import pytest
 
 from addon.checks import CheckError
 from addon.gpu.context import GpuContext
+from addon.gpu.interface import FACING_SHIFT, LINK_BIN_SHIFT
 from addon.passes.bounce import BouncePass, LinkPass
 from addon.passes.compose import Film
 from addon.passes.direct import DirectPass
@@ -65,6 +66,10 @@ FAULTS: dict[str, tuple[type, Callable[[Any], None], str]] = {
     "cell's faces": (VoxelizePass, lambda p: _spoil_words(p.voxels.cells, 3, 2, 0), "first faces, entry 3"),
     "face's place": (VoxelizePass, lambda p: _spoil_words(p.voxels.faces.place, 4, 1, NAN), r"places .* \(4, 1\)"),
     "face's order": (VoxelizePass, lambda p: _spoil_words(p.voxels.faces.order, 4, 0, 5), "order of faces"),
+    "face's facing": (
+        VoxelizePass, lambda p: _spoil_words(p.voxels.faces.order, 4, 0, 6 << FACING_SHIFT), "facings in the order"),
+    "link's bin": (
+        LinkPass, lambda p: _spoil_words(p.links, 0, 3, 64 << LINK_BIN_SHIFT), r"bins of links .* \(0, 3\): 64"),
     "link": (LinkPass, lambda p: _spoil_words(p.links, 0, 3, 1 << 24), r'"link", links .* entry \(0, 3\)'),
     "straight light": (LinkPass, lambda p: _spoil_words(p.straight, 2, 1, 0xFFFFFFFF), '"link", straight light'),
     "irradiance": (InjectPass, lambda p: _spoil_words(p.irradiance, 2, 1, 0), '"inject", irradiance of faces, entry 2'),

@@ -4,7 +4,6 @@
 #include "lib/hemisphere.glsl"
 
 const uint LINK_FACE_MASK = (1u << LINK_BIN_SHIFT) - 1u;  // for a ray that has met none, too
-const uint NO_BIN = 127u;  // from below the facing's horizon
 
 // `direction`: of the ray, grid space.
 uint pack_link(uint face, uint facing, vec3 direction)

@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light that links bring to the faces of a brick, facing by facing, binned by the direction that it comes from.
-// Input: guides to make, faces, links, what faces' light counts (pass guide_light), the world.
+// Input: guides to make, cells, links, what faces' light counts (pass guide_light), the world.
 // Output: bins_img, two bins to a texel: sum of what light counts, number of links.
 
 #include "lib/grid.glsl"
-#include "lib/face.glsl"
 #include "lib/guide_work.glsl"
 #include "lib/guide_light.glsl"
 #include "lib/link.glsl"

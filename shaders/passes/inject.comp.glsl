@@ -233,7 +233,8 @@ void main()
     uint face = ordered & FACE_MASK;
     vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(face), 0).xyz);
     uint reach = texelFetch(reach_tex, nearest_cell(place) / BRICK, 0).r;
-    Site site = Site(number < face_count ? face : NONE_INDEX, ordered >> FACING_SHIFT, 0u, vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+    face = number < face_count ? face : NONE_INDEX;
+    Site site = Site(face, ordered >> FACING_SHIFT, 0u, vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
     for (bool unsure = reach != 0u; unsure; unsure = false) {  // not an `if`, whose inside software rasterizers always run
         site = site_of_thread();
     }
