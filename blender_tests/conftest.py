@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 
@@ -23,6 +24,35 @@ def debug_checks(monkeypatch: pytest.MonkeyPatch) -> None:
         return prepare(self, scene, settings.with_values(debug_checks=True), *given, **more)
 
     monkeypatch.setattr(Pipeline, "prepare", checked)
+
+
+#: Bytes of a number -> what a driver may leave in a texture that is made without content: 0, 1, infinity, no number; as
+#: integers 0, some, many, the most there are.
+LEFT_BEHIND = {
+    1: (0, 1, 0x7F, 0xFF),
+    2: (0, 0x3C00, 0x7C00, 0xFFFF),
+    4: (0, 0x3F800000, 0x7F800000, 0xFFFFFFFF),
+}
+
+
+@pytest.fixture(autouse=True)
+def undefined_content(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Textures without content have what a driver may leave in them, not the zeros that most hand out until memory is
+    used a second time: what reads a texel that no pass has written shows every time."""
+    from addon.gpu import context
+
+    texture = context.GpuContext.texture
+
+    def filled(self: Any, name: str, size: Any, components: int, dtype: str, data: Any = None, **more: Any) -> Any:
+        made = texture(self, name, size, components, dtype, data, **more)
+        if data is None:
+            width = context._BYTES[dtype]
+            count = size[0] * size[1] * components
+            picked = np.random.default_rng(count).integers(0, 4, count)
+            made.write(np.array(LEFT_BEHIND[width], f"u{width}")[picked].tobytes(), alignment=1)
+        return made
+
+    monkeypatch.setattr(context.GpuContext, "texture", filled)
 
 
 @pytest.fixture

@@ -50,6 +50,11 @@ void main()
     if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
+    vec4 position = texelFetch(position_tex, at, 0);
+    if (position.w != 1.0) {
+        imageStore(gathered_out, at, vec4(0.0));  // nothing else is known of a pixel that sees no surface
+        return;
+    }
 #if STEP == 0
     vec4 light = texelFetch(gathered_tex, at, 0);
     vec2 nearness = vec2(0.0);
@@ -63,12 +68,11 @@ void main()
     // The eye is near too: from point to point it looks another way.
     vec3 eye, view;
     camera_ray(at, eye, view);
-    light.w += 1.0 / max(distance(eye, texelFetch(position_tex, at, 0).xyz), 1e-3);
+    light.w += 1.0 / max(distance(eye, position.xyz), 1e-3);
     light /= vec4(specular_color(at), lobe_width(at));
 #endif
     imageStore(gathered_out, at, light);
 #else
-    vec4 position = texelFetch(position_tex, at, 0);
     vec4 normals = 2.0 * texelFetch(normal_tex, at, 0) - 1.0;
     vec3 normal = octahedral_decode(normals.xy);
     vec3 geometric = octahedral_decode(normals.zw);
@@ -83,7 +87,7 @@ void main()
     float weights = 4.0;
     for (int k = 0; k < 4; ++k) {
         ivec2 step = k == 0 ? ivec2(1, 0) : (k == 1 ? ivec2(0, 1) : ivec2(1, 5 - 2 * k));
-        float weight = position.w == 1.0 ? 1.0 : 0.0;
+        float weight = 1.0;
         vec4 pair = vec4(0.0);
         for (int side = -1; side <= 1; side += 2) {
             ivec2 there = clamp(at + step * (side * stride), ivec2(0), picture_size - 1);
