@@ -11,10 +11,11 @@ import moderngl
 import numpy as np
 
 from .gpu import interface
-from .passes.bounce import LinkPass, unpack_light
 from .passes.compose import Film, PixelLight
 from .passes.frame import Frame
 from .passes.geometry import Geometry
+from .passes.link import LinkPass
+from .passes.packed_light import unpack_light
 from .passes.voxel_numbers import popcount, with_hidden_cells
 from .passes.voxelize import Voxels
 

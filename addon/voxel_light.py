@@ -19,7 +19,7 @@ from .gpu.context import GpuContext
 from .gpu.interface import NONE_INDEX
 from .grid import VoxelGrid
 from .levels import Plan
-from .passes.bounce import BouncePass, LinkPass
+from .passes.bounce import BouncePass
 from .passes.cones import ConeVolume
 from .passes.emitters import EmitterTable
 from .passes.face_changes import FaceChanges
@@ -27,6 +27,7 @@ from .passes.frame import LitVoxels
 from .passes.geometry import GeometryPass
 from .passes.guide import GuidePass
 from .passes.inject import InjectPass, LightTable
+from .passes.link import LinkPass
 from .passes.materials import MaterialPass, Repainted, repainted
 from .passes.share_faces import SharePass
 from .passes.surface import Surfaces
@@ -86,7 +87,7 @@ class VoxelLight:
         """What rays meet; None: nothing was made yet."""
         if self.features is None or self.voxelize.voxels is None:
             return None
-        radiance = self.bounce.radiance[0] if self.features.needs_radiance else None
+        radiance = self.bounce.radiance if self.features.needs_radiance else None
         return LitVoxels(
             self.voxelize.voxels, radiance, self.lights, self.emitters, self.world, self.cones, self.guides
         )
@@ -258,14 +259,16 @@ class VoxelLight:
         elif memo.has("draft of radiance") and self.guides.grid == grid:
             pass  # those before will do: they only say where rays go
         elif memo.stale("guides", self._radiance_version):
-            for _ in self.guides.run(voxels, self.bounce.radiance[0], self.links, self.world):
+            assert self.bounce.radiance is not None
+            for _ in self.guides.run(voxels, self.bounce.radiance, self.links, self.world):
                 yield Progress(1.0, "Guiding rays")
             memo.done("guides", self._radiance_version)
         if not features.needs_cones:
             self.cones.release()
             memo.forget("cones")
         elif memo.stale("cones", self._radiance_version):
-            self.cones.run(voxels, self.bounce.radiance[0])
+            assert self.bounce.radiance is not None
+            self.cones.run(voxels, self.bounce.radiance)
             memo.done("cones", self._radiance_version)
 
         if any(redone.values()):
@@ -320,9 +323,9 @@ class VoxelLight:
             goes_on = is_draft and bool(kept and passed and self.bounce.radiance)
             for share in self.bounce.run(voxels, self.inject.irradiance, passed, self.share, settings, goes_on=goes_on):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
-            if settings.debug_checks:
+            if settings.debug_checks and self.bounce.radiance is not None:
                 straight = passed.straight if passed else None
-                checks.check_radiance(voxels, self.bounce.radiance[0], self.inject.irradiance, straight)
+                checks.check_radiance(voxels, self.bounce.radiance, self.inject.irradiance, straight)
             if not self._is_live:
                 self.inject.release()  # whatever changes the light injects it anew
             memo.forget("draft of radiance")

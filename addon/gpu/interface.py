@@ -85,8 +85,9 @@ CROWD = 4096
 CROWD_RUN = 256
 CROWD_WORDS = 64
 
-# Storage buffers. A compute shader may count on eight in GL 4.3. What inner loops read lies in textures instead:
-# software rasterizers fetch a texel five times faster than the same words of a buffer.
+# Storage buffers. A compute shader may count on eight in GL 4.3. What rays read lies in textures instead, as drivers
+# may allow a buffer no more than 128 MiB. On software rasterizers a word or two of an entry that may lie anywhere come a
+# fifth faster out of a buffer than out of a texture; of four words there is no difference.
 BUFFERS = (
     "BUF_INSTANCES",  # Instance[] (to transform triangles)
     "BUF_VERTICES",  # uint[3 T]: vertex of each triangle corner
@@ -95,7 +96,13 @@ BUFFERS = (
     "BUF_WORK",  # work items, pixel lists
     "BUF_RESULTS",  # what lists are made into: bins of pixels, arguments of dispatches, emitters
     "BUF_COUNTS",  # counters and cursors
+    "BUF_RADIANCE",  # uvec2[] (lib/packed_light.glsl): radiance of faces while light bounces
 )
+# One binding, two names: never used by the same program.
+BUFFER_ALIASES = {
+    "BUF_RADIANCE_BEFORE": "BUF_WORK",  # as BUF_RADIANCE, a bounce before
+    "BUF_NUMBERS_NOW": "BUF_RADIANCE",  # uint[]: number that each face before has, where faces are taken over
+}
 
 # Texture units. GL 4.3 promises sixteen to a stage.
 TEXTURES = (
@@ -130,9 +137,7 @@ TEXTURE_ALIASES = {
     "TEX_PARTNERS": "TEX_F90",  # r32ui list: with which faces each shares light (pass partners)
     "TEX_REACH": "TEX_FACE_RADIANCE",  # r8ui 3D: 1 for bricks that an edit may have changed shadows in
     "TEX_NUMBERS_BEFORE": "TEX_NORMAL",  # r32ui list: number that each face had; where faces are taken over
-    "TEX_NUMBERS_NOW": "TEX_EMISSION",  # r32ui list: number that each face before has
     "TEX_STRAIGHT_BEFORE": "TEX_F0",  # as TEX_FACE_STRAIGHT
-    "TEX_RADIANCE_BEFORE": "TEX_NORMAL",  # as TEX_FACE_RADIANCE
     "TEX_LIGHTS": "TEX_EMISSION",  # rgba32ui list: Light, several texels each
     # Emitters, where no material is evaluated.
     "TEX_EMITTERS": "TEX_INSTANCES",  # rgba32ui list: Emitter, several texels each
@@ -171,6 +176,7 @@ MAX_MATERIAL_TEXTURES = 24
 # Image units. GL 4.3 promises eight to a stage.
 IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_TILES")
 IMAGE_ALIASES = {"IMG_RAYS": "IMG_TILES"}  # layers whose pixels have rays of their own ask no tiles
+ALIASES = BUFFER_ALIASES | TEXTURE_ALIASES | IMAGE_ALIASES
 
 _GLSL_SIZE = {"float": (4, 4), "uint": (4, 4), "int": (4, 4), "vec2": (8, 8), "vec3": (16, 12), "vec4": (16, 16)}
 _NUMPY = {
@@ -306,7 +312,7 @@ def prelude() -> str:
     defines: dict[str, object] = {}
     for table in (BUFFERS, TEXTURES, IMAGES):
         defines |= {name: slot for slot, name in enumerate(table)}
-    defines |= {alias: defines[name] for alias, name in (TEXTURE_ALIASES | IMAGE_ALIASES).items()}
+    defines |= {alias: defines[name] for alias, name in ALIASES.items()}
     defines |= {f"TEX_MATERIAL_{i}": FIRST_MATERIAL_TEXTURE + i for i in range(MAX_MATERIAL_TEXTURES)}
     defines |= {
         "GROUP_SIZE": GROUP_SIZE,
@@ -363,7 +369,7 @@ assert AreaShape.ELLIPSE == 1
 
 def slot(name: str) -> int:
     """The binding of a buffer, texture unit or image unit by its name."""
-    name = (TEXTURE_ALIASES | IMAGE_ALIASES).get(name, name)
+    name = ALIASES.get(name, name)
     for table in (BUFFERS, TEXTURES, IMAGES):
         if name in table:
             return table.index(name)

@@ -27,7 +27,7 @@ class FaceChanges:
         now = np.full(count_before, interface.NONE_INDEX, np.uint32)
         now[numbers_before[stays]] = stays
         self._before = gpu.list_texture("face changes", count, 1, "u4", numbers_before)
-        self._now = gpu.list_texture("face changes", count_before, 1, "u4", now)
+        self._now = gpu.buffer("face changes", now)
         self._changed = gpu.list_texture("face changes", count, 1, "u4")
         self._counter = gpu.buffer("face changes", size=4)
 
@@ -39,7 +39,7 @@ class FaceChanges:
         """Bind what lib/changed_faces.glsl reads and writes. ``boxes``: whichever decide."""
         slot = interface.slot
         self._before.use(slot("TEX_NUMBERS_BEFORE"))
-        self._now.use(slot("TEX_NUMBERS_NOW"))
+        self._now.bind_to_storage_buffer(slot("BUF_NUMBERS_NOW"))
         self._changed.bind_to_image(slot("IMG_1"), read=False, write=True)
         self._counter.bind_to_storage_buffer(slot("BUF_COUNTS"))
         self.bind_boxes(kernel, boxes)

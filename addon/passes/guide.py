@@ -11,7 +11,7 @@ import numpy as np
 from ..gpu import interface
 from ..gpu.context import GpuContext
 from ..grid import VoxelGrid
-from .bounce import LinkPass
+from .link import LinkPass
 from .voxel_numbers import guide_entries
 from .voxelize import Voxels
 from .world import WorldLight

@@ -13,9 +13,9 @@ import numpy as np
 from addon.gpu import interface
 from addon.gpu.context import GpuContext, Kernel
 from addon.grid import VoxelGrid
-from addon.passes.bounce import unpack_light
 from addon.passes.geometry import Geometry, GeometryPass
 from addon.passes.materials import MaterialPass
+from addon.passes.packed_light import unpack_light
 from addon.passes.voxel_numbers import cell_positions, with_hidden_cells
 from addon.passes.voxelize import VoxelizePass, Voxels
 from addon.pipeline import Pipeline
@@ -203,7 +203,7 @@ def radiance(made: Pipeline) -> np.ndarray:
     """(faces, 3): what leaves the voxel faces after all bounces."""
     voxels = made.voxel_light.voxelize.voxels
     assert voxels is not None
-    return unpack_light(read_list(made.voxel_light.bounce.radiance[0], voxels.faces.count, np.uint32))
+    return unpack_light(read_list(made.voxel_light.bounce.radiance, voxels.faces.count, np.uint32))
 
 
 def unit_grid(size: int | tuple[int, int, int]) -> VoxelGrid:

@@ -13,12 +13,13 @@ import pytest
 from addon.checks import CheckError
 from addon.gpu.context import GpuContext
 from addon.gpu.interface import FACING_SHIFT, LINK_BIN_SHIFT
-from addon.passes.bounce import BouncePass, LinkPass
+from addon.passes.bounce import BouncePass
 from addon.passes.compose import Film
 from addon.passes.direct import DirectPass
 from addon.passes.gather import GatherPass
 from addon.passes.geometry import GeometryPass
 from addon.passes.inject import InjectPass
+from addon.passes.link import LinkPass
 from addon.passes.reflect import ReflectPass
 from addon.passes.surface import SurfacePass
 from addon.passes.voxelize import VoxelizePass
@@ -74,7 +75,7 @@ FAULTS: dict[str, tuple[type, Callable[[Any], None], str]] = {
     "straight light": (LinkPass, lambda p: _spoil_words(p.straight, 2, 1, 0xFFFFFFFF), '"link", straight light'),
     "irradiance": (InjectPass, lambda p: _spoil_words(p.irradiance, 2, 1, 0), '"inject", irradiance of faces, entry 2'),
     "light out of nothing": (
-        BouncePass, lambda p: _spoil_words(p.radiance[0], 6, 1, 200 << 22 | 0xFFFF), r"\(6, 0\): .* more than light"),
+        BouncePass, lambda p: _spoil_words(p.radiance, 6, 1, 200 << 22 | 0xFFFF), r"\(6, 0\): .* more than light"),
     "position": (SurfacePass, lambda p: _spoil_words(p.pictures.position, 9, 0, NAN), r'"surface", positions'),
     "emission": (SurfacePass, lambda p: _spoil_words(p.pictures.emission, 9, 2, MINUS_ONE), '"surface", emission'),
     "direct light": (

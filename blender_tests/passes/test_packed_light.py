@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from addon.gpu.context import GpuContext
-from addon.passes.bounce import unpack_light
+from addon.passes.packed_light import unpack_light
 from blender_tests.passes.run import map_list, pack_light, test_kernel
 
 #: Of the largest channel, which is 2^17 to 2^18 steps: half a step, or one where it is cut to what fits.

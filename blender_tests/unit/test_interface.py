@@ -36,7 +36,7 @@ def test_bindings() -> None:
     assert len(interface.BUFFERS) <= 8 and len(interface.IMAGES) <= 8 and len(interface.TEXTURES) <= 16
     for table in (interface.BUFFERS, interface.IMAGES, interface.TEXTURES):
         assert len(set(table)) == len(table)
-    for alias, name in interface.TEXTURE_ALIASES.items():
+    for alias, name in interface.ALIASES.items():
         assert interface.slot(alias) == interface.slot(name)
     with pytest.raises(KeyError):
         interface.slot("TEX_NOTHING")
@@ -47,7 +47,7 @@ def test_prelude_says_what_python_says() -> None:
     defines = dict(re.findall(r"^#define (\w+) (\S+)$", text, re.MULTILINE))
     assert int(defines["GROUP_SIZE"]) == interface.GROUP_SIZE and int(defines["BRICK"]) == interface.BRICK
     assert int(defines["NONE_INDEX"].rstrip("u"), 16) == interface.NONE_INDEX
-    for table in (interface.BUFFERS, interface.IMAGES, interface.TEXTURES, interface.TEXTURE_ALIASES):
+    for table in (interface.BUFFERS, interface.IMAGES, interface.TEXTURES, interface.ALIASES):
         for name in table:
             assert int(defines[name]) == interface.slot(name)
     for kind in LightKind:

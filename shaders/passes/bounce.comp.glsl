@@ -4,7 +4,7 @@
 // (that light + mean of L over the links). Jacobi iteration; it converges, as reflectance is at most 1 and what leaves
 // the scene is lost. LAST: what is shared between faces afterwards: that mean and what links bring, without what was
 // injected and without reflectance.
-// Input: faces, irradiance, links, straight_tex, face_radiance_tex.    Output: radiance_img, W/(m2 sr).
+// Input: faces, irradiance, links, straight_tex, radiance.    Output, W/(m2 sr): bounced; KEPT: radiance_img.
 
 #include "lib/face.glsl"
 #include "lib/link.glsl"
@@ -19,11 +19,15 @@ layout(binding = TEX_FACE_IRRADIANCE) uniform usampler2D face_irradiance_tex;
 layout(binding = TEX_FACE_STRAIGHT) uniform usampler2D straight_tex;
 #endif
 #if !FIRST
-layout(binding = TEX_FACE_RADIANCE) uniform usampler2D face_radiance_tex;
+layout(std430, binding = BUF_RADIANCE) readonly buffer Radiance { uvec2 radiance[]; };
 layout(binding = TEX_LINKS) uniform usampler2D links_tex;
 uniform uint link_count;
 #endif
+#if KEPT
 layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D radiance_img;
+#else
+layout(std430, binding = BUF_RESULTS) writeonly buffer Bounced { uvec2 bounced[]; };
+#endif
 
 uniform uint face_count;
 
@@ -47,8 +51,8 @@ void main()
         uvec4 links = texelFetch(links_tex, list_texel(face * quads + q), 0);
         for (int k = 0; k < 4; ++k) {
             uint linked = links[k] & LINK_FACE_MASK;
-            uvec2 stored = texelFetch(face_radiance_tex, list_texel(min(linked, face_count - 1u)), 0).rg;
-            sum += linked == LINK_FACE_MASK ? vec3(0.0) : unpack_light(stored);
+            vec3 light = unpack_light(radiance[min(linked, face_count - 1u)]);
+            sum += linked == LINK_FACE_MASK ? vec3(0.0) : light;
         }
     }
     incoming += sum / float(link_count);
@@ -56,5 +60,9 @@ void main()
 #if !LAST
     incoming *= fetch_face_reflectance(face).rgb;
 #endif
+#if KEPT
     imageStore(radiance_img, list_texel(face), pack_light(incoming));
+#else
+    bounced[face] = pack_light(incoming).xy;
+#endif
 }

@@ -11,7 +11,7 @@
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_LINKS) uniform usampler2D links_before_tex;
-layout(binding = TEX_NUMBERS_NOW) uniform usampler2D numbers_now_tex;
+layout(std430, binding = BUF_NUMBERS_NOW) readonly buffer NumbersNow { uint numbers_now[]; };
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
 #if HAS_STRAIGHT
 layout(binding = TEX_STRAIGHT_BEFORE) uniform usampler2D straight_before_tex;
@@ -41,7 +41,7 @@ void main()
         uvec4 links = texelFetch(links_before_tex, list_texel(before * quads + q), 0);
         for (int k = 0; k < 4; ++k) {
             uint linked = linked_face(links[k]);
-            uint number = texelFetch(numbers_now_tex, list_texel(linked == NONE_INDEX ? 0u : linked), 0).r;
+            uint number = numbers_now[linked == NONE_INDEX ? 0u : linked];
             number = linked == NONE_INDEX ? NONE_INDEX : number;
             has_changed = has_changed || (number == NONE_INDEX && linked != NONE_INDEX);
             links[k] = (links[k] & ~LINK_FACE_MASK) | (number & LINK_FACE_MASK);
