@@ -30,7 +30,7 @@ class Pipeline:
     """Renders one scene into a film. All GL objects live in ``gpu`` and are freed by ``release``."""
 
     def __init__(self, gpu: GpuContext, *, is_live: bool = False) -> None:
-        """``is_live``: somebody edits the scene. What an edit can take over is kept: 12 bytes for each voxel
+        """``is_live``: somebody edits the scene. What an edit can take over is kept: 20 bytes for each voxel
         face."""
         self.gpu = gpu
         self.voxel_light = VoxelLight(gpu, is_live=is_live)

@@ -46,7 +46,7 @@ class VoxelLight:
     """Voxels of one scene and their light."""
 
     def __init__(self, gpu: GpuContext, *, is_live: bool) -> None:
-        """``is_live``: somebody edits the scene. What an edit can take over is kept: 12 bytes for each voxel
+        """``is_live``: somebody edits the scene. What an edit can take over is kept: 20 bytes for each voxel
         face."""
         self.gpu = gpu
         self._is_live = is_live
@@ -59,7 +59,7 @@ class VoxelLight:
         self.lights = LightTable(gpu)
         self.inject = InjectPass(gpu)
         self.links = LinkPass(gpu)
-        self.bounce = BouncePass(gpu)
+        self.bounce = BouncePass(gpu, keeps_light=is_live)
         self.share = SharePass(gpu, keeps_partners=is_live)
         self.cones = ConeVolume(gpu)
         self.guides = GuidePass(gpu)
@@ -320,7 +320,7 @@ class VoxelLight:
                     self.inject.release()
                 memo.done("irradiance", *light)
             passed = self.links if features.needs_links else None
-            goes_on = is_draft and bool(kept and passed and self.bounce.radiance)
+            goes_on = is_draft and bool(kept and passed and self.bounce.has_light)
             for share in self.bounce.run(voxels, self.inject.irradiance, passed, self.share, settings, goes_on=goes_on):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
             if settings.debug_checks and self.bounce.radiance is not None:

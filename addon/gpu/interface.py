@@ -86,8 +86,8 @@ CROWD_RUN = 256
 CROWD_WORDS = 64
 
 # Storage buffers. A compute shader may count on eight in GL 4.3. What rays read lies in textures instead, as drivers
-# may allow a buffer no more than 128 MiB. On software rasterizers a word or two of an entry that may lie anywhere come a
-# fifth faster out of a buffer than out of a texture; of four words there is no difference.
+# may allow a buffer no more than 128 MiB. On software rasterizers a word or two of an entry that may lie anywhere come
+# a fifth faster out of a buffer than out of a texture; of four words there is no difference.
 BUFFERS = (
     "BUF_INSTANCES",  # Instance[] (to transform triangles)
     "BUF_VERTICES",  # uint[3 T]: vertex of each triangle corner

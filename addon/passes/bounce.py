@@ -21,7 +21,8 @@ from .voxelize import Voxels
 #: Bounces end when what further ones would bring changes how bright faces look by less than this share, on average; it
 #: is added at once.
 CONVERGED = 2e-3
-#: The same for a draft, which goes on from the light that was there before an edit.
+#: The same for a draft, which goes on from the light that was there before an edit, and ends after one bounce that
+#: changes no more than that.
 DRAFT_CONVERGED = 1e-2
 #: How many faces are asked how much they change, at most; all where none of these has light.
 _ASKED = 1 << 16
@@ -39,10 +40,13 @@ class _Sources:
 class BouncePass:
     """Owns the radiance of all faces; while light bounces, two lists of it that take turns."""
 
-    def __init__(self, gpu: GpuContext) -> None:
+    def __init__(self, gpu: GpuContext, *, keeps_light: bool) -> None:
+        """``keeps_light``: for drafts to go on from: what it was before faces shared it, in 8 bytes for each face."""
         self.gpu = gpu
         self.radiance: moderngl.Texture | None = None
         self.bounces = 0
+        self._keeps_light = keeps_light
+        self._unshared: moderngl.Buffer | None = None
         self._lists: list[moderngl.Buffer] = []
 
     def run(
@@ -58,8 +62,8 @@ class BouncePass:
         """Bounce until the settings' limit or until nothing changes any more. Yields the share of the limit done.
 
         ``irradiance`` None: nothing was injected. ``links`` None: no bounces, only what was injected leaves the faces.
-        ``goes_on``: from the radiance that is there, and only until little changes. Which one stays where this is not
-        run to its end. Raises MemoryError where there are more faces than fit into a buffer.
+        ``goes_on``: from the light that is kept, and only until little changes. Radiance and light before stay where
+        this is not run to its end. Raises MemoryError where there are more faces than fit into a buffer.
         """
         sources = _Sources(voxels, irradiance, links)
         indirect = radiance = None
@@ -69,46 +73,54 @@ class BouncePass:
                 radiance = self._texture(voxels)
                 self._pass(sources, radiance, first=True)
             else:
-                yield from self._bounce(sources, settings, self.radiance if goes_on else None)
+                yield from self._bounce(sources, settings, self._unshared if goes_on else None)
                 self.gpu.free(self._lists.pop(0))
                 indirect = self._texture(voxels)
                 self._pass(sources, indirect, first=self.bounces == 0, last=True)  # the last bounce once more
-                self._free_lists()
+                if not self._keeps_light:
+                    self._free_lists()
                 radiance = self._texture(voxels)
                 share.run(voxels, indirect, irradiance, radiance)
             self.radiance, radiance = radiance, self.radiance
+            unshared = self._lists.pop() if self._lists else None
+            self._unshared, unshared = unshared, self._unshared
+            self.gpu.free(unshared)
         finally:
             self._free_lists()
             self.gpu.free(indirect, radiance)
 
+    @property
+    def has_light(self) -> bool:
+        """Whether a draft has something to go on from."""
+        return self._unshared is not None
+
     def renumber(self, numbers_before: np.ndarray | None) -> None:
         """Faces have other numbers. ``numbers_before``: (faces,) uint32, NONE_INDEX for new ones, which are dark; None:
         nothing is kept."""
-        if numbers_before is None or self.radiance is None:
-            self.release()
-            return
         with self.gpu.timed("bounce"):
-            stored = np.frombuffer(self.radiance.read(), np.uint32).reshape(-1, 2)
-            is_new = numbers_before == interface.NONE_INDEX
-            moved = np.where(is_new[:, None], np.uint32(0), stored[np.where(is_new, 0, numbers_before)])
+            moved = None
+            if numbers_before is not None and self._unshared is not None:
+                stored = np.frombuffer(self._unshared.read(), np.uint64)
+                is_new = numbers_before == interface.NONE_INDEX
+                moved = np.where(is_new, np.uint64(0), stored[np.where(is_new, 0, numbers_before)])
             self.release()
-            self.radiance = self.gpu.list_texture("face radiance", len(moved), 2, "u4", moved)
+            if moved is not None:
+                self._unshared = self.gpu.buffer("bouncing light", moved)
 
     def _texture(self, voxels: Voxels) -> moderngl.Texture:
         return self.gpu.list_texture("face radiance", voxels.faces.count, 2, "u4")
 
-    def _bounce(self, sources: _Sources, settings: Settings, before: moderngl.Texture | None) -> Iterator[float]:
-        """Leaves the radiance that the last bounce is to be made from in the second of the lists. ``before``: radiance
-        to go on from."""
+    def _bounce(self, sources: _Sources, settings: Settings, before: moderngl.Buffer | None) -> Iterator[float]:
+        """Leaves the radiance that the last bounce is to be made from in the second of the lists. ``before``: to go on
+        from."""
         gpu, faces = self.gpu, sources.voxels.faces.count
-        size = interface.LIST_WIDTH * -(-faces // interface.LIST_WIDTH) * LIGHT_BYTES  # as a texture has
         for _ in range(2):
-            self._lists.append(gpu.buffer("bouncing light", size=size))
+            self._lists.append(gpu.buffer("bouncing light", size=LIGHT_BYTES * faces))
         if before is None:
             self._pass(sources, first=True)
         else:
             with gpu.timed("bounce"):
-                before.read_into(self._lists[0], alignment=1)
+                gpu.mgl.copy_buffer(self._lists[0], before)
         change = 0.0  # by the last bounce
         first, converged = (2, CONVERGED) if before is None else (1, DRAFT_CONVERGED)  # bounce that is looked at
         while self.bounces < settings.bounces:
@@ -118,8 +130,9 @@ class BouncePass:
             if first <= self.bounces < settings.bounces:
                 change_before, change = change, self._change(faces)
                 rest = change / (change_before - change) if change < change_before else math.inf  # of such bounces
-                if change == 0.0 or change * rest <= converged:
-                    self._add_rest(faces, rest if change else 0.0)
+                is_first = self.bounces == 1  # nothing is known of the rest
+                if change == 0.0 or (change if is_first else change * rest) <= converged:
+                    self._add_rest(faces, 0.0 if is_first or change == 0.0 else rest)
                     break
             yield self.bounces / settings.bounces
 
@@ -200,5 +213,5 @@ class BouncePass:
     def release(self) -> None:
         """Free everything."""
         self._free_lists()
-        self.gpu.free(self.radiance)
-        self.radiance = None
+        self.gpu.free(self.radiance, self._unshared)
+        self.radiance = self._unshared = None

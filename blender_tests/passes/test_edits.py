@@ -603,17 +603,18 @@ def test_draft_after_draft(gpu: GpuContext) -> None:
 
 
 def test_light_follows_its_faces(gpu: GpuContext) -> None:
-    bounce = BouncePass(gpu)
+    bounce = BouncePass(gpu, keeps_light=True)
     stored = np.arange(1, 7001, dtype=np.uint32).reshape(-1, 2)
-    bounce.radiance = gpu.list_texture("face radiance", len(stored), 2, "u4", stored)
+    bounce._unshared = gpu.buffer("bouncing light", stored)
     before = np.random.default_rng(1).permutation(3500).astype(np.uint32)[:2700]
     before[100:110] = NONE_INDEX
     bounce.renumber(before)
-    found = read_list(bounce.radiance, len(before), np.uint32)
-    assert not found[100:110].any()
+    assert bounce.has_light and bounce._unshared is not None
+    found = np.frombuffer(bounce._unshared.read(), np.uint32).reshape(-1, 2)
+    assert len(found) == len(before) and not found[100:110].any()
     assert np.array_equal(np.delete(found, range(100, 110), 0), stored[np.delete(before, range(100, 110))])
     bounce.renumber(None)
-    assert bounce.radiance is None
+    assert not bounce.has_light
 
 
 @pytest.mark.parametrize("edit", ["lamp", "paint", "lamp and place", "another grid", "bounces"])
