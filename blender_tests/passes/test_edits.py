@@ -585,6 +585,18 @@ def test_a_draft_goes_on_from_the_light_before(gpu: GpuContext) -> None:
         assert_same(bits(ready), fresh(gpu, moved, MANY))
 
 
+def test_a_small_edit_takes_one_bounce(gpu: GpuContext) -> None:
+    """Light goes on from what it was, not from what faces made of it when they shared it: that changes all of them."""
+    made = placed(room(), {2: turned(0.0, 0.9, 0.4, -0.4, 0.2)})
+    moved = placed(made, {2: turned(0.0, 0.8, 0.4, -0.4, 0.2)})
+    with pipeline(gpu, made, MANY, SIZE, samples=1, is_live=True) as ready:
+        found = draft(ready, moved, MANY)
+        assert ready.voxel_light.bounce.bounces == 1
+        prepare(ready, moved, MANY, SIZE)
+        exact = radiance(ready)
+        assert np.abs(found - exact).sum() < 0.003 * exact.sum()
+
+
 def test_draft_after_draft(gpu: GpuContext) -> None:
     """As while an object is dragged: faces come and go, and never one is dark that is lit."""
     made = room()
