@@ -26,8 +26,8 @@ BYTES_PER_PAIR = 4
 BYTES_PER_INSTANCE_PAIR = 4
 BYTES_PER_FACE = 16 + 8 + 8
 #: What comes on top when light bounces: straight light, irradiance, radiance twice, a share of the guides of its brick
-#: (before there are guides, with whom it shares light, which stays where the scene is edited). Links are four bytes
-#: each.
+#: (before there are guides, with whom it shares light). Links are four bytes each. Not in it: what stays where somebody
+#: edits the scene, another tenth.
 LIGHTING_A_FACE = 8 + 8 + 2 * 8 + 6
 #: Faces of an occupied cell, as counted in architectural scenes.
 FACES_PER_CELL = 2.25

@@ -323,7 +323,8 @@ class VoxelLight:
             goes_on = is_draft and bool(kept and passed and self.bounce.has_light)
             for share in self.bounce.run(voxels, self.inject.irradiance, passed, self.share, settings, goes_on=goes_on):
                 yield Progress(0.9 + 0.1 * share, "Bouncing light")
-            if settings.debug_checks and self.bounce.radiance is not None:
+            if settings.debug_checks:
+                assert self.bounce.radiance is not None
                 straight = passed.straight if passed else None
                 checks.check_radiance(voxels, self.bounce.radiance, self.inject.irradiance, straight)
             if not self._is_live:

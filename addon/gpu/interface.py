@@ -94,7 +94,7 @@ BUFFERS = (
     "BUF_POSITIONS",  # float[3 V]
     "BUF_MATERIALS",  # uint[]: slots of instances, or batch of each material; world parameters
     "BUF_WORK",  # work items, pixel lists
-    "BUF_RESULTS",  # what lists are made into: bins of pixels, arguments of dispatches, emitters
+    "BUF_RESULTS",  # what lists are made into: bins of pixels, arguments of dispatches, emitters, light after a bounce
     "BUF_COUNTS",  # counters and cursors
     "BUF_RADIANCE",  # uvec2[] (lib/packed_light.glsl): radiance of faces while light bounces
 )

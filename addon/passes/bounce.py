@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 
 import moderngl
@@ -21,8 +21,8 @@ from .voxelize import Voxels
 #: Bounces end when what further ones would bring changes how bright faces look by less than this share, on average; it
 #: is added at once.
 CONVERGED = 2e-3
-#: The same for a draft, which goes on from the light that was there before an edit, and ends after one bounce that
-#: changes no more than that.
+#: The same for a draft, which goes on from the light that was there before an edit. What further bounces would bring is
+#: taken to be as much, in terms of the last one, as it was when light had bounced from nothing.
 DRAFT_CONVERGED = 1e-2
 #: How many faces are asked how much they change, at most; all where none of these has light.
 _ASKED = 1 << 16
@@ -47,6 +47,7 @@ class BouncePass:
         self.bounces = 0
         self._keeps_light = keeps_light
         self._unshared: moderngl.Buffer | None = None
+        self._rest = 0.0  # what further bounces than those that led to it would have brought, in terms of the last
         self._lists: list[moderngl.Buffer] = []
 
     def run(
@@ -66,24 +67,24 @@ class BouncePass:
         this is not run to its end. Raises MemoryError where there are more faces than fit into a buffer.
         """
         sources = _Sources(voxels, irradiance, links)
-        indirect = radiance = None
+        indirect = radiance = rest = None
         self.bounces = 0
         try:
             if links is None:
                 radiance = self._texture(voxels)
                 self._pass(sources, radiance, first=True)
             else:
-                yield from self._bounce(sources, settings, self._unshared if goes_on else None)
+                rest = yield from self._bounce(sources, settings, self._unshared if goes_on else None)
                 self.gpu.free(self._lists.pop(0))
                 indirect = self._texture(voxels)
                 self._pass(sources, indirect, first=self.bounces == 0, last=True)  # the last bounce once more
-                if not self._keeps_light:
+                if not self._keeps_light or rest is None:
                     self._free_lists()
                 radiance = self._texture(voxels)
                 share.run(voxels, indirect, irradiance, radiance)
             self.radiance, radiance = radiance, self.radiance
-            unshared = self._lists.pop() if self._lists else None
-            self._unshared, unshared = unshared, self._unshared
+            unshared, self._unshared = self._unshared, self._lists.pop() if self._lists else None
+            self._rest = rest or 0.0
             self.gpu.free(unshared)
         finally:
             self._free_lists()
@@ -91,28 +92,33 @@ class BouncePass:
 
     @property
     def has_light(self) -> bool:
-        """Whether a draft has something to go on from."""
+        """Whether a draft has something to go on from: light after so many bounces that more change little."""
         return self._unshared is not None
 
     def renumber(self, numbers_before: np.ndarray | None) -> None:
         """Faces have other numbers. ``numbers_before``: (faces,) uint32, NONE_INDEX for new ones, which are dark; None:
         nothing is kept."""
-        with self.gpu.timed("bounce"):
-            moved = None
-            if numbers_before is not None and self._unshared is not None:
-                stored = np.frombuffer(self._unshared.read(), np.uint64)
-                is_new = numbers_before == interface.NONE_INDEX
-                moved = np.where(is_new, np.uint64(0), stored[np.where(is_new, 0, numbers_before)])
+        if numbers_before is None or self._unshared is None:
             self.release()
-            if moved is not None:
-                self._unshared = self.gpu.buffer("bouncing light", moved)
+            return
+        with self.gpu.timed("bounce"):
+            stored = np.frombuffer(self._unshared.read(), np.uint64)
+            is_new = numbers_before == interface.NONE_INDEX
+            moved = np.where(is_new, np.uint64(0), stored[np.where(is_new, 0, numbers_before)])
+            self.release()
+            self._unshared = self.gpu.buffer("bouncing light", moved)
 
     def _texture(self, voxels: Voxels) -> moderngl.Texture:
         return self.gpu.list_texture("face radiance", voxels.faces.count, 2, "u4")
 
-    def _bounce(self, sources: _Sources, settings: Settings, before: moderngl.Buffer | None) -> Iterator[float]:
+    def _bounce(
+        self, sources: _Sources, settings: Settings, before: moderngl.Buffer | None
+    ) -> Generator[float, None, float | None]:
         """Leaves the radiance that the last bounce is to be made from in the second of the lists. ``before``: to go on
-        from."""
+        from.
+
+        Returns what further bounces would bring, in terms of the last; None: it is not known, or not little.
+        """
         gpu, faces = self.gpu, sources.voxels.faces.count
         for _ in range(2):
             self._lists.append(gpu.buffer("bouncing light", size=LIGHT_BYTES * faces))
@@ -121,20 +127,26 @@ class BouncePass:
         else:
             with gpu.timed("bounce"):
                 gpu.mgl.copy_buffer(self._lists[0], before)
-        change = 0.0  # by the last bounce
         first, converged = (2, CONVERGED) if before is None else (1, DRAFT_CONVERGED)  # bounce that is looked at
+        change = 0.0  # by the last bounce
         while self.bounces < settings.bounces:
             self._lists.reverse()
             self._pass(sources)
             self.bounces += 1
             if first <= self.bounces < settings.bounces:
                 change_before, change = change, self._change(faces)
-                rest = change / (change_before - change) if change < change_before else math.inf  # of such bounces
-                is_first = self.bounces == 1  # nothing is known of the rest
-                if change == 0.0 or (change if is_first else change * rest) <= converged:
-                    self._add_rest(faces, 0.0 if is_first or change == 0.0 else rest)
-                    break
+                if before is not None:
+                    rest = self._rest
+                else:
+                    rest = change / (change_before - change) if change < change_before else math.inf
+                if change == 0.0 or change * rest <= converged:
+                    if before is None:
+                        self._add_rest(faces, rest if change else 0.0)
+                    else:
+                        self._lists.reverse()
+                    return rest if change or before is not None else None
             yield self.bounces / settings.bounces
+        return None
 
     def _change(self, faces: int) -> float:
         """By which share the last bounce has changed how bright faces look, on average."""

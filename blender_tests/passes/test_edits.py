@@ -587,14 +587,40 @@ def test_a_draft_goes_on_from_the_light_before(gpu: GpuContext) -> None:
 
 def test_a_small_edit_takes_one_bounce(gpu: GpuContext) -> None:
     """Light goes on from what it was, not from what faces made of it when they shared it: that changes all of them."""
-    made = placed(room(), {2: turned(0.0, 0.9, 0.4, -0.4, 0.2)})
-    moved = placed(made, {2: turned(0.0, 0.8, 0.4, -0.4, 0.2)})
+    made = placed(room(), {2: turned(0.0, 0.9, 0.4, -0.4, 0.1)})
+    moved = placed(made, {2: turned(0.0, 0.8, 0.4, -0.4, 0.1)})
     with pipeline(gpu, made, MANY, SIZE, samples=1, is_live=True) as ready:
         found = draft(ready, moved, MANY)
         assert ready.voxel_light.bounce.bounces == 1
         prepare(ready, moved, MANY, SIZE)
         exact = radiance(ready)
         assert np.abs(found - exact).sum() < 0.003 * exact.sum()
+
+
+@pytest.mark.parametrize("bounces", [1, 2, 3])
+def test_where_bounces_are_limited_a_draft_is_exact(bounces: int, gpu: GpuContext) -> None:
+    """Light that went on from other light would have bounced more often."""
+    made, settings = room(), MANY.with_values(bounces=bounces)
+    with pipeline(gpu, made, settings, SIZE, samples=1, is_live=True) as ready:
+        for step in range(1, 3):
+            made = placed(made, {2: scenes.at(0.9 - 0.2 * step, 0.4, -0.4)})
+            draft(ready, made, settings)
+            assert_same(bits(ready), fresh(gpu, made, settings))
+
+
+def test_drafts_of_bright_rooms_do_not_drift(gpu: GpuContext) -> None:
+    """White walls: what one bounce changes by a little, all together change by ten times as much."""
+    made = room(ball=scenes.diffuse(0.1))
+    materials = tuple(scenes.diffuse(0.9) if k == 0 else one for k, one in enumerate(made.materials))
+    made = dataclasses.replace(made, materials=materials)
+    with pipeline(gpu, made, MANY, SIZE, samples=1, is_live=True) as ready:
+        for step in range(1, 9):
+            made = placed(made, {2: scenes.at(0.9 - 0.1 * step, 0.4, -0.4)})
+            found = draft(ready, made, MANY)
+        prepare(ready, made, MANY, SIZE)
+        exact = radiance(ready)
+        assert abs(found.sum() / exact.sum() - 1.0) < 0.01
+        assert np.abs(found - exact).sum() < 0.02 * exact.sum()
 
 
 def test_draft_after_draft(gpu: GpuContext) -> None:
@@ -652,11 +678,15 @@ def test_what_interrupts_the_bounces_leaves_the_draft(gpu: GpuContext) -> None:
     first, second = placed(made, EDITS["moved"]), placed(made, EDITS["moved far"])
     with pipeline(gpu, made, MANY, SIZE, samples=1, is_live=True) as ready:
         drafted = draft(ready, first, MANY)
+        bounce = ready.voxel_light.bounce
+        assert bounce._unshared is not None
+        unshared = bounce._unshared.read()
         steps = ready.prepare(first, MANY, SIZE)
         while next(steps).text != "Bouncing light":
             pass
         steps.close()
         assert np.array_equal(radiance(ready), drafted)
+        assert bounce.has_light and bounce._unshared.read() == unshared
         found = draft(ready, second, MANY)
         with pipeline(gpu, second, MANY, SIZE, samples=1) as other:
             assert np.abs(found - radiance(other)).sum() < 0.1 * radiance(other).sum()

@@ -133,7 +133,7 @@ def test_voxels_take_what_was_estimated(resolution: int, rings: int, gpu: GpuCon
     peak, track = 0, GpuContext._track
     kept = {
         "bricks", "cells", "cell triangles", "faces", "links", "straight light of faces", "face radiance",
-        "face irradiance",
+        "face irradiance", "bouncing light",
     }  # fmt: skip
 
     def tracked(self: GpuContext, *arguments: Any) -> Any:
