@@ -96,12 +96,12 @@ BUFFERS = (
     "BUF_WORK",  # work items, pixel lists
     "BUF_RESULTS",  # what lists are made into: bins of pixels, arguments of dispatches, emitters, light after a bounce
     "BUF_COUNTS",  # counters and cursors
-    "BUF_RADIANCE",  # uvec2[] (lib/packed_light.glsl): radiance of faces while light bounces
 )
 # One binding, two names: never used by the same program.
 BUFFER_ALIASES = {
-    "BUF_RADIANCE_BEFORE": "BUF_WORK",  # as BUF_RADIANCE, a bounce before
-    "BUF_NUMBERS_NOW": "BUF_RADIANCE",  # uint[]: number that each face before has, where faces are taken over
+    "BUF_RADIANCE": "BUF_POSITIONS",  # uvec2[] (lib/packed_light.glsl): radiance of faces while light bounces
+    "BUF_RADIANCE_BEFORE": "BUF_WORK",  # the same, a bounce before
+    "BUF_NUMBERS_NOW": "BUF_POSITIONS",  # uint[]: number that each face before has, where faces are taken over
 }
 
 # Texture units. GL 4.3 promises sixteen to a stage.

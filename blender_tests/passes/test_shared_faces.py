@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import moderngl
 import numpy as np
 import pytest
 
 from addon.gpu.context import GpuContext
 from addon.passes.share_faces import SharePass
+from addon.passes.voxelize import Voxels
 from addon.scene import LightKind, SceneData
 from blender_tests.passes import scenes
 from blender_tests.passes.run import pipeline, radiance, read_voxels
@@ -33,8 +35,14 @@ def faces(gpu: GpuContext, scene: SceneData, resolution: int, rays: int) -> tupl
 
 
 def unshared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Faces keep what their own links bring."""
-    monkeypatch.setattr(SharePass, "run", lambda *_: None)
+    """Faces keep what their own links bring: none finds another to share with."""
+
+    def nobody(self: SharePass, voxels: Voxels) -> moderngl.Texture:
+        none = np.zeros(voxels.faces.count, np.uint32)
+        self._partners = self.gpu.list_texture("partners of faces", len(none), 1, "u4", none)
+        return self._partners
+
+    monkeypatch.setattr(SharePass, "_find_partners", nobody)
 
 
 def test_noise_falls(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
