@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 
 from addon.gpu.context import GpuContext
 from addon.materials.operations import specular_scale_bias
-from addon.passes import bounce
+from addon.passes import bounce, inject
 from addon.scene import LightData, LightKind, RayVisibility
 from blender_tests.passes import scenes
 from blender_tests.passes.run import pipeline, radiance, read_voxels, sample
@@ -90,6 +91,52 @@ def test_many_lights_bring_what_they_bring_in_groups(gpu: GpuContext) -> None:
     np.testing.assert_allclose(means, 1.0, atol=0.01)
     assert np.abs(many.mean(axis=0) - groups).mean() < 0.05 * groups.mean()
     assert np.array_equal(many[0], leaving(lights, 0)), "the same seed, the same light"
+
+
+@pytest.mark.parametrize(("radius", "points"), [(0.4, 1), (0.9, 2), (1.4, 3), (3.0, 4)])
+def test_wide_penumbras_are_asked_at_more_points(
+    radius: float, points: int, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Under an edge half way to a lamp, ``radius`` cells wide: of so many points on it each face sees some, or none."""
+    monkeypatch.setattr(inject, "POINTS_IN_ALL", 1)  # as where faces are many: one point of each
+    edge = scenes.mesh([[-1, -1, 1], [0, -1, 1], [0, 1, 1], [-1, 1, 1]], [[0, 1, 2], [0, 2, 3]])
+    lamp = scenes.light(LightKind.POINT, 1.0, (0.0, 0.0, 2.0), radius=radius / 8.0)
+
+    def leaving(use_shadows: bool) -> np.ndarray:
+        made = scenes.scene((scenes.plane(4.0), scenes.diffuse(1.0)), (edge, scenes.diffuse(1.0)), lights=[lamp])
+        chosen = scenes.settings(32, bounces=0, use_shadows=use_shadows)
+        with pipeline(gpu, made, chosen, samples=0) as ready:
+            faces = read_voxels(ready.voxel_light.voxelize.voxels, ready.voxel_light.geometry.geometry).faces  # type: ignore[arg-type]
+            floor = (faces["facing"] == 4) & (faces["position"][:, 2] < faces["position"][:, 2].mean())
+            return radiance(ready)[floor, 0]
+
+    seen = points * leaving(True) / leaving(False)
+    counts = np.rint(seen)
+    np.testing.assert_allclose(seen, counts, atol=0.05 * points)
+    assert set(counts.astype(int)) == set(range(points + 1))
+
+
+@pytest.mark.parametrize(
+    "lamp",
+    [
+        scenes.light(LightKind.POINT, 1.0, (0.0, 0.0, -0.1), radius=0.3),
+        scenes.light(LightKind.POINT, 1.0, (0.0, 0.0, -0.1), radius=0.3, soft_falloff=False),
+        scenes.light(LightKind.AREA, 1.0, (-0.9, 0.0, -0.1), direction=(1.0, 0.0, 0.0), size=(0.3, 0.3)),
+        scenes.light(LightKind.SUN, 1.0, direction=(0.8, 0.0, 0.6), angle=2.0),
+    ],
+    ids=["disk", "sphere", "area", "sun"],
+)
+def test_a_light_with_its_middle_below_a_floor_lights_it(lamp: LightData, gpu: GpuContext) -> None:
+    """What of it lies above shines there; all of it further down does not."""
+
+    def brightest(light: LightData) -> float:
+        made = scenes.scene((scenes.plane(2.0), scenes.diffuse(1.0)), lights=[light])
+        with pipeline(gpu, made, scenes.settings(32, bounces=0, use_shadows=False), samples=0) as ready:
+            return float(radiance(ready)[facing_up(ready)].max())
+
+    assert brightest(lamp) > 0.01
+    below = {"angle": 0.5} if lamp.kind == LightKind.SUN else {"position": (0.0, 0.0, -0.6)}
+    assert brightest(dataclasses.replace(lamp, **below)) == 0.0
 
 
 # Bounces --------------------------------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ uniform bool use_shadows;
 uniform float link_count;  // rays that look for emitters and the world too, cosine-distributed (pass link)
 uniform uint point_count;  // of each face, where light is looked for
 
-// Points on a light that has a size, all points of a face together; one suffices for the others.
+// Points on a large light, all points of a face together.
 const uint SAMPLES = 4u;
 
 #if FINDS_CHANGED
@@ -107,10 +107,24 @@ Site site_point(Site site, uint k)
 }
 
 #if HAS_LIGHTS
-// Where several points lie on a light, if it has a size.
-bool has_size(Light light)
+// Points on a light: one for each cell that a penumbra is wide whose occluder stands half way, up to SAMPLES for all
+// points of a face together. Of narrower penumbras a face knows no more than of hard shadows.
+uint light_points(Site site, Light light)
 {
-    return light.radius_grid > (light.kind == LIGHT_SUN ? 0.01 : 0.25);
+    float width = 2.0 * light.radius_grid / cell_side(site.position);
+    uint most = light.kind == LIGHT_SUN && light.radius_grid > 0.01 ? SAMPLES : uint(min(ceil(width), float(SAMPLES)));
+    return max(most / point_count, 1u);
+}
+
+// Whether all of the light lies behind the surface.
+bool lies_behind(Site site, Light light)
+{
+    float reach = light.kind == LIGHT_AREA ? length(vec2(light.half_width_grid, light.half_height_grid)) : light.radius_grid;
+    vec3 away = light.position_grid - site.position;
+    if (light.kind == LIGHT_SUN) {
+        away = light.axis_z * sqrt(max(1.0 - reach * reach, 0.0));
+    }
+    return dot(away, site.shading_normal) + reach < 0.0;
 }
 
 // Irradiance that light k brings, from so many points on it.
@@ -161,8 +175,7 @@ vec3 light_from_lights(Site site)
             uint k = picks.light - 1u;
             Light light = fetch_light(lights_tex, k);
             // A light that brings a large part of all is worth more than one point.
-            uint most = has_size(light) ? max(SAMPLES / point_count, 1u) : 1u;
-            uint points = clamp(uint(brought / picks.interval), 1u, most);
+            uint points = clamp(uint(brought / picks.interval), 1u, light_points(site, light));
             irradiance += factor * light_from_light(site, k, light, points);
         }
     }
@@ -174,8 +187,8 @@ vec3 light_from_lights(Site site)
     vec3 irradiance = vec3(0.0);
     for (uint k = 0u; k < light_count; ++k) {
         Light light = fetch_light(lights_tex, k);
-        uint points = has_size(light) ? max(SAMPLES / point_count, 1u) : 1u;
-        irradiance += light_from_light(site, k, light, (light.flags & RAY_DIFFUSE) == 0u ? 0u : points);
+        bool is_received = (light.flags & RAY_DIFFUSE) != 0u && !lies_behind(site, light);
+        irradiance += light_from_light(site, k, light, is_received ? light_points(site, light) : 0u);
     }
     return irradiance;
 }
