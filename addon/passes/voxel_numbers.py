@@ -13,6 +13,9 @@ from ..grid import Level
 #: Longest leap over empty bricks that a brick's record can hold: four bits.
 MAX_LEAP = 15
 
+#: Work that is put in order together: less, and few lists are alike; more, and what is near in space lies far apart.
+ALIKE_RUN = 1 << 12
+
 _POPCOUNT = np.array([bin(value).count("1") for value in range(1 << 16)], np.uint8)
 
 
@@ -148,6 +151,17 @@ def cell_axes(facings: np.ndarray) -> tuple[np.ndarray, tuple[int, int, int]]:
         both = np.flatnonzero(near & far)
         work.append(np.concatenate([*alone, both, both | 1 << 29]).astype(np.uint32) | np.uint32(axis << 30))
     return np.concatenate(work), (len(work[0]), len(work[1]), len(work[2]))
+
+
+def alike(lengths: np.ndarray) -> np.ndarray:
+    """An order in which those with lists of about the same length are beside each other, and those that were near stay so:
+    threads side by side wait for the longest list of any of them. (N,) int64; ``lengths``: (N,) uint32.
+    """
+    rows = -(-len(lengths) // ALIKE_RUN)
+    keys = np.full(rows * ALIKE_RUN, 0xFFFF, np.uint16)
+    keys[: len(lengths)] = np.minimum(lengths, 0xFFFF)
+    order = np.argsort(keys.reshape(-1, ALIKE_RUN), axis=1, kind="stable") + ALIKE_RUN * np.arange(rows)[:, None]
+    return order.ravel()[: len(lengths)]
 
 
 def guide_entries(bricks: np.ndarray, records: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -29,6 +29,7 @@ from .materials import Batch, MaterialPass, MaterialSet
 from .neighbours import find_hidden
 from .taken_over import TakenOver
 from .voxel_numbers import (
+    alike,
     cell_axes,
     cell_positions,
     cell_records,
@@ -514,23 +515,21 @@ class VoxelizePass:
         count = len(lists.records)
         assert lists.parts is not None
         defines: dict[str, object] = {"HAS_BOXES": False, "HAS_ASLANT_CUTS": True}
-        defines |= {"IS_PART": taken is not None, "IS_CROWDED": False, "CROWD_STEP": 0}
+        defines |= {"IS_CROWDED": False, "CROWD_STEP": 0}
         kernel = gpu.kernel("voxel_cut", geometry.defines | defines)
-        work_count = count
-        if taken:
-            cells = np.flatnonzero(~taken.stays).astype(np.uint32)
-            work = gpu.buffer("voxel work", cells)
-            self._temporary.append(work)
-            work.bind_to_storage_buffer(slot("BUF_WORK"))
-            work_count = len(cells)
-        kernel.set(**geometry.grid.level_uniforms, work_count=work_count)
+        cells = np.flatnonzero(~taken.stays if taken else np.ones(count, bool)).astype(np.uint32)
+        cells = cells[alike(lists.records[cells, 1])]
+        work = gpu.buffer("voxel work", cells)
+        self._temporary.append(work)
+        work.bind_to_storage_buffer(slot("BUF_WORK"))
+        kernel.set(**geometry.grid.level_uniforms, work_count=len(cells))
         geometry.bind_triangles()
         lists.cells.use(slot("TEX_CELLS"))
         lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
         lists.parts.use(slot("TEX_PARTS"))
         positions.use(slot("TEX_CELL_POSITIONS"))
         lists.cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
-        kernel.run_list(work_count)
+        kernel.run_list(len(cells))
         crowded = lists.records[:, 1] > interface.CROWD
         lists.crowded = np.flatnonzero(crowded & ~taken.stays if taken else crowded)
         if len(lists.crowded):
@@ -551,7 +550,7 @@ class VoxelizePass:
         self._temporary.append(lists.crowd_sums)
         for step in range(4):
             defines: dict[str, object] = {"HAS_BOXES": False, "HAS_ASLANT_CUTS": False}
-            defines |= {"IS_PART": False, "IS_CROWDED": True, "CROWD_STEP": step}
+            defines |= {"IS_CROWDED": True, "CROWD_STEP": step}
             kernel = gpu.kernel("voxel_cut", geometry.defines | defines)
             for number, cell in enumerate(lists.crowded.tolist()):
                 kernel.set(**geometry.grid.level_uniforms, crowd=number, crowd_cell=cell)
@@ -601,6 +600,7 @@ class VoxelizePass:
 
         def run(items: np.ndarray, **crowd: int) -> None:
             if len(items):
+                items = items[alike(lists.records[items & 0x1FFFFFFF, 1])]
                 work = gpu.buffer("voxel work", items)
                 self._temporary.append(work)
                 kernel = gpu.kernel("voxel_resolve", defines | {"IS_CROWDED": bool(crowd)})

@@ -8,6 +8,8 @@ import pytest
 
 from addon.gpu.interface import BRICK
 from addon.passes.voxel_numbers import (
+    ALIKE_RUN,
+    alike,
     cell_axes,
     cell_positions,
     cell_records,
@@ -33,6 +35,17 @@ def masks_of(cells: np.ndarray, bricks: tuple[int, int, int]) -> np.ndarray:
 def test_popcount() -> None:
     words = np.array([[0, 1, 2**64 - 1], [2**63, 0xF0F0, 2**32 - 1]], np.uint64)
     np.testing.assert_array_equal(popcount(words), [[0, 1, 64], [1, 8, 32]])
+
+
+@pytest.mark.parametrize("count", [0, 1, ALIKE_RUN, 2 * ALIKE_RUN + 17])
+def test_lists_of_a_length_come_together(count: int) -> None:
+    """Everything once, by length within each run; equal ones, and those of any great length, as they were."""
+    lengths = np.random.default_rng(1).choice(np.array([1, 5, 70_000, 2**32 - 1], np.uint32), count)
+    order = alike(lengths)
+    np.testing.assert_array_equal(np.sort(order), np.arange(count))
+    np.testing.assert_array_equal(order // ALIKE_RUN, np.arange(count) // ALIKE_RUN)
+    expected = np.lexsort([np.minimum(lengths, 70_000), np.arange(count) // ALIKE_RUN])
+    np.testing.assert_array_equal(order, expected)
 
 
 @pytest.mark.parametrize("bricks", [(1, 1, 1), (3, 2, 5)])

@@ -3,7 +3,6 @@
 // sides of a thin wall, a picture and the wall behind it. A cell that holds such is cut in two, and each side has faces of
 // its own: by the plane of a wall, where that lies aslant to the grid, or else by one across an axis. A plane along a wall
 // also tells on which side of it a point lies.
-// IS_PART: of a part of the cells.
 // IS_CROWDED: of one crowded cell, in steps (CROWD_STEP): three in which threads sum up runs of its list, each of which
 // needs what the one before found, and one in which a single thread does the rest.
 // Input: parts and triangles of cells.    Output: for each cell the last word of its record (lib/grid.glsl).
@@ -18,7 +17,7 @@ layout(local_size_x = GROUP_SIZE) in;
 layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
 layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cells { uint cells[]; };
-#if IS_PART
+#if !IS_CROWDED
 layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cells
 #endif
 
@@ -430,9 +429,7 @@ void main()
     if (number >= work_count) {
         return;
     }
-#if IS_PART
     number = work[number];
-#endif
     uvec4 record = texelFetch(cells_tex, list_texel(number), 0);
     uint first = record.x, end = record.x + record.y;
     if (record.y > CROWD) {
