@@ -154,7 +154,7 @@ def cell_axes(facings: np.ndarray) -> tuple[np.ndarray, tuple[int, int, int]]:
 
 
 def alike(lengths: np.ndarray) -> np.ndarray:
-    """An order in which those with lists of about the same length are beside each other, and those that were near stay so:
+    """An order in which those with lists of about a length are beside each other, and those that were near stay near:
     threads side by side wait for the longest list of any of them. (N,) int64; ``lengths``: (N,) uint32.
     """
     rows = -(-len(lengths) // ALIKE_RUN)
