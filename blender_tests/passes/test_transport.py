@@ -121,7 +121,7 @@ def test_wide_penumbras_are_asked_at_more_points(
     [
         scenes.light(LightKind.POINT, 1.0, (0.0, 0.0, -0.1), radius=0.3),
         scenes.light(LightKind.POINT, 1.0, (0.0, 0.0, -0.1), radius=0.3, soft_falloff=False),
-        scenes.light(LightKind.AREA, 1.0, (-0.9, 0.0, -0.1), direction=(1.0, 0.0, 0.0), size=(0.3, 0.3)),
+        scenes.light(LightKind.AREA, 1.0, (-0.9, 0.0, -0.18), direction=(1.0, 0.0, 0.0), size=(0.3, 0.3)),
         scenes.light(LightKind.SUN, 1.0, direction=(0.8, 0.0, 0.6), angle=2.0),
     ],
     ids=["disk", "sphere", "area", "sun"],
@@ -134,7 +134,10 @@ def test_a_light_with_its_middle_below_a_floor_lights_it(lamp: LightData, gpu: G
         with pipeline(gpu, made, scenes.settings(32, bounces=0, use_shadows=False), samples=0) as ready:
             return float(radiance(ready)[facing_up(ready)].max())
 
-    assert brightest(lamp) > 0.01
+    if lamp.kind == LightKind.AREA:  # stands on a corner: none of its sides is as high as it lies low
+        x, y, z = lamp.axes
+        lamp = dataclasses.replace(lamp, axes=np.array([(x + y) / np.sqrt(2.0), (y - x) / np.sqrt(2.0), z]))
+    assert brightest(lamp) > 1e-3
     below = {"angle": 0.5} if lamp.kind == LightKind.SUN else {"position": (0.0, 0.0, -0.6)}
     assert brightest(dataclasses.replace(lamp, **below)) == 0.0
 

@@ -40,7 +40,7 @@ uniform bool use_shadows;
 uniform float link_count;  // rays that look for emitters and the world too, cosine-distributed (pass link)
 uniform uint point_count;  // of each face, where light is looked for
 
-// Points on a large light, all points of a face together.
+// Points on a large light.
 const uint SAMPLES = 4u;
 
 #if FINDS_CHANGED
@@ -107,12 +107,15 @@ Site site_point(Site site, uint k)
 }
 
 #if HAS_LIGHTS
-// Points on a light: one for each cell that a penumbra is wide whose occluder stands half way, up to SAMPLES for all
-// points of a face together. Of narrower penumbras a face knows no more than of hard shadows.
+// Points on a light: one for each cell that a penumbra is wide whose occluder stands half way, up to SAMPLES. Of narrower
+// penumbras a face knows no more than of hard shadows. How wide a sun's are, is not known: SAMPLES, or one where it is
+// hardly wider than a point. All points of a face share them, rounded down, but none goes without.
 uint light_points(Site site, Light light)
 {
-    float width = 2.0 * light.radius_grid / cell_side(site.position);
-    uint most = light.kind == LIGHT_SUN && light.radius_grid > 0.01 ? SAMPLES : uint(min(ceil(width), float(SAMPLES)));
+    uint most = light.radius_grid > 0.01 ? SAMPLES : 1u;
+    if (light.kind != LIGHT_SUN) {
+        most = uint(min(ceil(2.0 * light.radius_grid / cell_side(site.position)), float(SAMPLES)));
+    }
     return max(most / point_count, 1u);
 }
 

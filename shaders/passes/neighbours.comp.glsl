@@ -39,15 +39,15 @@ bool is_plain_between(ivec3 one, ivec3 other)
 const float LEAST_WEIGHT = 1e-4;
 
 // Few of the faces around one have to be looked for by a ray. A group lists them, so that its threads take them in turn: what
-// thread, what step from its face, and the face there.
+// thread (eight bits), what step from its face, and the face there.
 const uint ASKS = uint(GROUP_SIZE) * 4u;
 shared uvec2 asked_along[ASKS];     // one step along an axis: thread | step << 8, face
 shared uvec2 asked_across[ASKS];    // two: along both
-shared uvec2 to_trace[ASKS];
+shared uvec2 to_trace[ASKS];        // what is left of the one, then of the other
 shared uint asked_along_count, asked_across_count, trace_along_count, trace_across_count;
 // Of each thread:
 shared uint face_of[GROUP_SIZE];
-shared uint cell_of[GROUP_SIZE];    // where, as cells are listed
+shared uint cell_of[GROUP_SIZE];    // its packed position
 shared uint side_of[GROUP_SIZE];
 shared uint found_of[GROUP_SIZE];   // what is hidden
 
@@ -67,7 +67,8 @@ uvec2 bits_of_step(vec3 normal, ivec2 at)
     return uvec2(bits_towards(along_right), bits_towards(along_up));
 }
 
-// Whether one of two axes has told of what lies across both, or a step leads back: then that face asks.
+// Whether nothing is left to ask: one of two axes has told of what lies across both, or the step back leads here, and the
+// other face asks. Steps across both axes may tell of the same bit: whichever do, it is the same.
 bool is_told(uvec2 ask)
 {
     uint thread = ask.x & 255u;

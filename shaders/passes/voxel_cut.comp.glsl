@@ -5,7 +5,7 @@
 // also tells on which side of it a point lies.
 // IS_CROWDED: of one crowded cell, in steps (CROWD_STEP): three in which threads sum up runs of its list, each of which
 // needs what the one before found, and one in which a single thread does the rest.
-// Input: parts and triangles of cells.    Output: for each cell the last word of its record (lib/grid.glsl).
+// Input: which cells, their parts and triangles.    Output: for each cell the last word of its record (lib/grid.glsl).
 
 #include "lib/clipped.glsl"
 #include "lib/cut.glsl"
