@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
+import re
 import sys
 import threading
 import time
@@ -105,6 +106,16 @@ class Kernel:
                 self.gpu.dispatch_indirect(self.shader, self.gpu.no_groups, 0)
 
 
+#: Names of OpenGL drivers that draw on the CPU.
+_SOFTWARE = re.compile("llvmpipe|softpipe|lavapipe|swrast|swiftshader|software", re.IGNORECASE)
+_MAX_IMAGE_UNITS, _MAX_COMPUTE_IMAGE_UNIFORMS = 0x8F38, 0x91BD
+
+
+def is_software(renderer: str) -> bool:
+    """Whether a driver of this name draws on the CPU."""
+    return bool(_SOFTWARE.search(renderer))
+
+
 class GpuContext:
     """One GL context with the programs, textures and buffers that we made in it.
 
@@ -127,6 +138,7 @@ class GpuContext:
         """From now on this is ``mgl``, which is current. Raises GpuUnavailable."""
         self.mgl = mgl
         self.renderer = str(mgl.info.get("GL_RENDERER", "unknown"))
+        self.reads_images = False  # sources (lib/source.glsl)
         if mgl.version_code < 430:
             raise GpuUnavailable(
                 f"Conelight needs OpenGL 4.3, but this graphics driver ({self.renderer}) offers "
@@ -150,6 +162,12 @@ class GpuContext:
             self._reset_status = function("glGetGraphicsResetStatus", ctypes.c_uint)
         except RuntimeError:  # before OpenGL 4.5, without KHR_robustness
             self._reset_status = lambda: _NO_ERROR
+        limit, get_integer = ctypes.c_int(), function("glGetIntegerv", None, unsigned, ctypes.c_void_p)
+        units = []
+        for name in (_MAX_IMAGE_UNITS, _MAX_COMPUTE_IMAGE_UNIFORMS):
+            get_integer(name, ctypes.byref(limit))
+            units.append(limit.value)
+        self.reads_images = is_software(self.renderer) and min(units) > max(interface.SOURCES.values())
         self._native = loader.current_context()
 
     # Contexts ---------------------------------------------------------------------------------------------------
@@ -206,7 +224,7 @@ class GpuContext:
         self, name: str, defines: Mapping[str, object] | None = None, texts: Mapping[str, str] | None = None
     ) -> Kernel:
         """The compute shader ``passes/<name>.comp.glsl``, compiled once for each set of defines. Raises ShaderError."""
-        defines, texts = defines or {}, texts or {}
+        defines, texts = {"READS_IMAGES": self.reads_images, **(defines or {})}, texts or {}
         key = (name, tuple(sorted(defines.items())), tuple(sorted(texts.items())))
         if key not in self._kernels:
             source = resolve(f"passes/{name}.comp.glsl", defines, texts)
@@ -435,6 +453,12 @@ class GpuContext:
             self.mgl.release()
 
     # Running ----------------------------------------------------------------------------------------------------
+
+    def use_source(self, texture: moderngl.Texture | moderngl.Texture3D, name: str) -> None:
+        """Bind what shaders read by lib/source.glsl. ``name``: its texture unit."""
+        texture.use(interface.slot(name))
+        if self.reads_images:
+            texture.bind_to_image(interface.SOURCES[name], read=True, write=False)
 
     def barrier(self) -> None:
         """What was written by shaders so far is visible to every later read, of any kind.

@@ -175,6 +175,8 @@ MAX_MATERIAL_TEXTURES = 24
 
 # Image units. GL 4.3 promises eight to a stage.
 IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_TILES")
+#: Textures that rays ask most, which software rasterizers read as images (lib/source.glsl), and the units for that.
+SOURCES = {"TEX_TRIANGLES": 8, "TEX_BRICKS": 9, "TEX_CELLS": 10, "TEX_CELL_TRIANGLES": 11}
 IMAGE_ALIASES = {"IMG_RAYS": "IMG_TILES"}  # layers whose pixels have rays of their own ask no tiles
 ALIASES = BUFFER_ALIASES | TEXTURE_ALIASES | IMAGE_ALIASES
 
@@ -312,6 +314,7 @@ def prelude() -> str:
     defines: dict[str, object] = {}
     for table in (BUFFERS, TEXTURES, IMAGES):
         defines |= {name: slot for slot, name in enumerate(table)}
+    defines |= {name.replace("TEX", "SOURCE"): unit for name, unit in SOURCES.items()}
     defines |= {alias: defines[name] for alias, name in ALIASES.items()}
     defines |= {f"TEX_MATERIAL_{i}": FIRST_MATERIAL_TEXTURE + i for i in range(MAX_MATERIAL_TEXTURES)}
     defines |= {

@@ -54,7 +54,7 @@ _BUFFERS = {
 }
 _TEXTURES = {0x8069: 0x0DE1, 0x806A: 0x806F}  # 2D, 3D: name to ask for, target to bind
 _UNITS = 32
-_STORAGE_SLOTS, _IMAGE_UNITS = 8, 8
+_STORAGE_SLOTS, _IMAGE_UNITS = 8, 12
 
 
 class _State:
@@ -125,7 +125,7 @@ def _save(gl: _State) -> list[Callable[[], Any]]:
     later("glActiveTexture", active)
     gl.call("glActiveTexture", active)
 
-    for unit in range(_IMAGE_UNITS):
+    for unit in range(min(_IMAGE_UNITS, gl.integers(0x8F38)[0])):  # MAX_IMAGE_UNITS
         name, level, layered, layer, access, form = (
             gl.indexed(query, unit) for query in (0x8F3A, 0x8F3B, 0x8F3C, 0x8F3D, 0x8F3E, 0x906E)
         )

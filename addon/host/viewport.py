@@ -10,12 +10,12 @@ from __future__ import annotations
 import dataclasses
 import functools
 import logging
-import re
 import time
 import weakref
 from concurrent.futures import Future, wait
 from typing import Any
 
+from ..gpu.context import is_software
 from ..progressive import Progressive, Status, Target
 from . import rays, session
 from .backend import viewport_has_own_context
@@ -24,9 +24,6 @@ from .session import Session
 
 #: Frames per second that are aimed at while something moves, where the setting says 0.
 FPS_GPU, FPS_CPU = 30, 5
-
-#: Names of OpenGL drivers that draw on the CPU.
-_SOFTWARE = re.compile("llvmpipe|softpipe|lavapipe|swrast|swiftshader|software", re.IGNORECASE)
 
 #: Viewports there are, for panels and tests.
 viewports: weakref.WeakSet[Viewport] = weakref.WeakSet()
@@ -46,7 +43,7 @@ def warnings() -> list[str]:
 
 def frame_seconds(fps: int, renderer: str) -> float:
     """How long one frame may take while something moves. ``fps``: as the setting has it."""
-    return 1.0 / (fps or (FPS_CPU if not renderer or _SOFTWARE.search(renderer) else FPS_GPU))
+    return 1.0 / (fps or (FPS_CPU if not renderer or is_software(renderer) else FPS_GPU))
 
 
 class Slices:

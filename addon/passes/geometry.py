@@ -39,13 +39,13 @@ class Geometry:
 
     def bind(self, kernel: Kernel) -> None:
         """Bind what lib/geometry.glsl reads."""
-        self.bind_triangles()
+        self.bind_triangles(kernel.gpu)
         kernel.set(cell_size=self.grid.cell_size, grid_origin_ws=self.grid.origin)
 
-    def bind_triangles(self) -> None:
+    def bind_triangles(self, gpu: GpuContext) -> None:
         """Bind what lib/shading_normal.glsl reads."""
         slot = interface.slot
-        self.triangles.use(slot("TEX_TRIANGLES"))
+        gpu.use_source(self.triangles, "TEX_TRIANGLES")
         self.instances.use(slot("TEX_INSTANCES"))
         self.corners.use(slot("TEX_CORNERS"))
         self.attributes.use(slot("TEX_ATTRIBUTES"))

@@ -246,7 +246,7 @@ class InjectPass:
         reach = self.gpu.texture_3d("light reach", bricks, 1, "u1")
         with self.gpu.timed("inject"):
             kernel = self.gpu.kernel("inject_reach", lights.defines(settings) | voxels.grid.defines)
-            voxels.bricks.use(interface.slot("TEX_BRICKS"))
+            self.gpu.use_source(voxels.bricks, "TEX_BRICKS")
             lights.bind(kernel, settings)
             changes.bind_boxes(kernel, changes.boxes)
             reach.bind_to_image(interface.slot("IMG_0"), read=False, write=True)

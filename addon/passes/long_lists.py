@@ -144,7 +144,7 @@ class LongLists:
         kernel = gpu.kernel("list_boxes", self._geometry.defines | {"HAS_BOXES": True})
         kernel.set(**self._geometry.grid.uniforms, box_first=self._box_first)
         self._bind(lists.triangles)
-        lists.cells.use(slot("TEX_CELLS"))
+        gpu.use_source(lists.cells, "TEX_CELLS")
         lists.cells.bind_to_image(slot("IMG_0"), read=True, write=True)
         boxes = -(-lists.records[cells, 1].astype(np.int64) // interface.BOX_RUN)
         level = 0
@@ -159,7 +159,6 @@ class LongLists:
             cells, boxes, level = cells[boxes > 1], -(-boxes[boxes > 1] // interface.BOX_FAN), level + 1
 
     def _bind(self, triangles: moderngl.Texture) -> None:
-        slot = interface.slot
-        self._geometry.triangles.use(slot("TEX_TRIANGLES"))
-        self._positions.use(slot("TEX_CELL_POSITIONS"))
-        triangles.use(slot("TEX_CELL_TRIANGLES"))
+        self.gpu.use_source(self._geometry.triangles, "TEX_TRIANGLES")
+        self._positions.use(interface.slot("TEX_CELL_POSITIONS"))
+        self.gpu.use_source(triangles, "TEX_CELL_TRIANGLES")

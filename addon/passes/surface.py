@@ -273,7 +273,7 @@ class SurfacePass:
         for step in (0, 1, 2):
             kernel = gpu.kernel("pixel_bins", surfaces.geometry.defines | {"STEP": step})
             kernel.set(picture_size=pictures.size, batch_count=len(materials.batches), pending_only=pending)
-            surfaces.geometry.triangles.use(slot("TEX_TRIANGLES"))
+            gpu.use_source(surfaces.geometry.triangles, "TEX_TRIANGLES")
             materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
             self._counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
             self._bins.bind_to_storage_buffer(slot("BUF_RESULTS"))

@@ -13,7 +13,8 @@ from ..grid import Level
 #: Longest leap over empty bricks that a brick's record can hold: four bits.
 MAX_LEAP = 15
 
-#: Entries of work that are put in order together: less, and few lists are alike; more, and what is near in space lies far apart.
+#: Entries of work that are put in order together: less, and few lists are alike; more, and what is near in space lies
+#: far apart.
 ALIKE_RUN = 1 << 12
 
 _POPCOUNT = np.array([bin(value).count("1") for value in range(1 << 16)], np.uint8)

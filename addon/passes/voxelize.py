@@ -114,19 +114,18 @@ class Voxels:
 
     def bind(self, kernel: Kernel) -> None:
         """Bind everything that tracing reads."""
-        slot = interface.slot
         self.bind_cells(kernel)
-        self.triangles.use(slot("TEX_TRIANGLES"))
-        self.cell_triangles.use(slot("TEX_CELL_TRIANGLES"))
+        kernel.gpu.use_source(self.triangles, "TEX_TRIANGLES")
+        kernel.gpu.use_source(self.cell_triangles, "TEX_CELL_TRIANGLES")
         if self.cell_opacities is not None:
-            self.cell_opacities.use(slot("TEX_CELL_OPACITIES"))
+            self.cell_opacities.use(interface.slot("TEX_CELL_OPACITIES"))
         if self.has_boxes:
             kernel.set(box_first=self.cell_count)
 
     def bind_cells(self, kernel: Kernel) -> None:
         """Bind what lib/grid.glsl reads, and records of cells."""
-        self.bricks.use(interface.slot("TEX_BRICKS"))
-        self.cells.use(interface.slot("TEX_CELLS"))
+        kernel.gpu.use_source(self.bricks, "TEX_BRICKS")
+        kernel.gpu.use_source(self.cells, "TEX_CELLS")
         kernel.set(**self.grid.uniforms)
 
 
@@ -282,7 +281,7 @@ class VoxelizePass:
             cursors = gpu.buffer("voxel counts", size=4 * len(positions))
             self._temporary.append(cursors)
             kernel = gpu.kernel("voxel_count", grid.defines).set(**grid.uniforms, pair_count=starts[-1])
-            bricks.use(slot("TEX_BRICKS"))
+            gpu.use_source(bricks, "TEX_BRICKS")
             pairs.use(slot("TEX_PAIRS"))
             cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
             kernel.run_list(starts[-1])
@@ -303,7 +302,7 @@ class VoxelizePass:
                 count = min(PAIRS_PER_STEP, starts[index + 1] - first)
                 with gpu.timed("voxelize"):
                     kernel = self._accumulate_kernel(geometry, lists, material_pass, batch)
-                    bricks.use(slot("TEX_BRICKS"))
+                    gpu.use_source(bricks, "TEX_BRICKS")
                     pairs.use(slot("TEX_PAIRS"))
                     self._bind_lists(lists)
                     kernel.set(**grid.uniforms, pair_first=first, pair_count=count)
@@ -373,7 +372,7 @@ class VoxelizePass:
             if taken:
                 taken.bind()
                 kernel.set(part_low=taken.box[0].tolist(), part_high=taken.box[1].tolist())
-            geometry.triangles.use(slot("TEX_TRIANGLES"))
+            gpu.use_source(geometry.triangles, "TEX_TRIANGLES")
             materials.batch_table.bind_to_storage_buffer(slot("BUF_MATERIALS"))
             counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
             kernel.run_list(geometry.triangle_count)
@@ -417,7 +416,7 @@ class VoxelizePass:
                     kernel.set(batch=batch, pair_capacity=capacity)
                     if taken:
                         taken.bind()
-                    geometry.triangles.use(slot("TEX_TRIANGLES"))
+                    gpu.use_source(geometry.triangles, "TEX_TRIANGLES")
                     work.use(slot("TEX_WORK"))
                     counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
                     mask.bind_to_image(slot("IMG_0"), read=True, write=True)
@@ -485,7 +484,7 @@ class VoxelizePass:
     ) -> Kernel:
         """The program of a batch, with its materials bound; ``batch`` None: of all pairs, where none is asked."""
         if batch is None:
-            geometry.bind_triangles()
+            geometry.bind_triangles(self.gpu)
             return self.gpu.kernel("voxel_list", geometry.defines)
         defines = geometry.defines | {
             "HAS_FACES": lists.parts is not None,
@@ -523,9 +522,9 @@ class VoxelizePass:
         self._temporary.append(work)
         work.bind_to_storage_buffer(slot("BUF_WORK"))
         kernel.set(**geometry.grid.level_uniforms, work_count=len(cells))
-        geometry.bind_triangles()
-        lists.cells.use(slot("TEX_CELLS"))
-        lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
+        geometry.bind_triangles(self.gpu)
+        gpu.use_source(lists.cells, "TEX_CELLS")
+        gpu.use_source(lists.triangles, "TEX_CELL_TRIANGLES")
         lists.parts.use(slot("TEX_PARTS"))
         positions.use(slot("TEX_CELL_POSITIONS"))
         lists.cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
@@ -574,7 +573,7 @@ class VoxelizePass:
         self._temporary.append(listed)
 
         kernel = gpu.kernel("face_order", geometry.grid.defines).set(work_count=len(items), axis_counts=axis_counts)
-        lists.cells.use(slot("TEX_CELLS"))
+        gpu.use_source(lists.cells, "TEX_CELLS")
         listed.bind_to_storage_buffer(slot("BUF_WORK"))
         faces.order.bind_to_image(slot("IMG_0"), read=False, write=True)
         kernel.run_list(len(items))
@@ -585,9 +584,9 @@ class VoxelizePass:
             items, _ = cell_axes(np.where(taken.stays, np.uint32(0), facings))
         longest = max(max(level.size) for level in geometry.grid.parts)
         block = min(interface.BRICK, max(1, longest // LINE_BLOCKS))
-        geometry.bind_triangles()
-        lists.cells.use(slot("TEX_CELLS"))
-        lists.triangles.use(slot("TEX_CELL_TRIANGLES"))
+        geometry.bind_triangles(self.gpu)
+        gpu.use_source(lists.cells, "TEX_CELLS")
+        gpu.use_source(lists.triangles, "TEX_CELL_TRIANGLES")
         assert lists.parts is not None
         lists.parts.use(slot("TEX_PARTS"))
         positions.use(slot("TEX_CELL_POSITIONS"))

@@ -10,8 +10,12 @@
 #include "lib/grid.glsl"
 #include "lib/triangle.glsl"
 
-layout(binding = TEX_CELLS) uniform usampler2D cells_tex;  // records, then boxes
-layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;  // entries: lib/triangle.glsl
+SOURCE_2D(TEX_CELLS, SOURCE_CELLS, rgba32ui) cells_tex;  // records, then boxes
+#if HAS_INSTANCES
+SOURCE_2D(TEX_CELL_TRIANGLES, SOURCE_CELL_TRIANGLES, rg32ui) cell_triangles_tex;  // entries: lib/triangle.glsl
+#else
+SOURCE_2D(TEX_CELL_TRIANGLES, SOURCE_CELL_TRIANGLES, r32ui) cell_triangles_tex;
+#endif
 
 // How far (grid space) outside a box a ray from `origin` may meet what is in it: floats have 24 bits, and so have distances
 // and corners of triangles that hits are found by.
@@ -70,7 +74,7 @@ ListWalk begin_list(uvec4 record, vec3 from, vec3 inverse, vec3 slack)
 void next_run(inout ListWalk walk, float limit)
 {
     while (walk.next >= walk.end && walk.box < walk.box_end) {
-        uvec4 box = texelFetch(cells_tex, list_texel(walk.box), 0);
+        uvec4 box = fetch_source(cells_tex, list_texel(walk.box));
         vec3 to_low = (vec3(box.xyz & 0xFFFFu) * BOX_UNIT - walk.low_from) * walk.inverse;
         vec3 to_high = (vec3(box.xyz >> 16) * BOX_UNIT - walk.high_from) * walk.inverse;
         vec3 enter = min(to_low, to_high), leave = max(to_low, to_high);

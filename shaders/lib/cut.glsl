@@ -62,7 +62,7 @@ CutPlane plane_of(Triangle t)
 // Of the triangle at an entry of the lists of cells, in cells of a level.
 CutPlane listed_plane(uint entry, int level)
 {
-    return plane_of(in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(entry), 0).rg), level));
+    return plane_of(in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(entry)).rg), level));
 }
 
 float height_above(CutPlane plane, vec3 place)

@@ -6,6 +6,7 @@
 // Occupied cells are numbered brick by brick (x fastest), in a brick by bit: x + 4 y + 16 z.
 
 #include "lib/common.glsl"
+#include "lib/source.glsl"
 #include "lib/level.glsl"
 
 uniform ivec3 grid_size;  // cells, a multiple of BRICK on each axis
@@ -13,7 +14,7 @@ uniform ivec3 grid_size;  // cells, a multiple of BRICK on each axis
 // Of each brick: two words with a bit for each cell, index of its first occupied cell, and how far it is empty from there
 // on: the side (bricks) of an empty cube that begins with it, four bits for each octant it may extend into, which bits of
 // the octant's number stand for: 1 down along x, 2 down along y, 4 down along z.
-layout(binding = TEX_BRICKS) uniform usampler3D bricks_tex;
+SOURCE_3D(TEX_BRICKS, SOURCE_BRICKS, rgba32ui) bricks_tex;
 
 // First bit of the size of that cube, for rays that go down along these axes.
 int octant_bit(bvec3 down)
@@ -71,7 +72,7 @@ uint cell_index(ivec3 cell)
         return NONE_INDEX;
     }
     uint bit = brick_bit(cell);
-    uvec4 brick = texelFetch(bricks_tex, cell / BRICK, 0);
+    uvec4 brick = fetch_source(bricks_tex, cell / BRICK);
     uint word = bit < 32u ? brick.x : brick.y;
     return (word >> (bit & 31u) & 1u) == 0u ? NONE_INDEX : occupied_cell_index(brick, bit);
 }

@@ -11,7 +11,7 @@ void bounds_in_cell(uint entry, uint cell, out vec3 low, out vec3 high)
 {
     uvec3 words;
     vec3 corner, edge_1, edge_2;
-    fetch_corners(texelFetch(cell_triangles_tex, list_texel(entry), 0).rg, words, corner, edge_1, edge_2);
+    fetch_corners(fetch_source(cell_triangles_tex, list_texel(entry)).rg, words, corner, edge_1, edge_2);
     ivec3 at = ivec3(unpack_cell(texelFetch(cell_positions_tex, list_texel(cell), 0).r));
     float scale = 1.0 / level_side(level_of_cell(at));
     corner = place_in_cell(corner, at);

@@ -17,7 +17,7 @@ struct FoundFace {
 uvec4 record_of(ivec3 cell)
 {
     uint index = cell_index(cell);
-    uvec4 record = texelFetch(cells_tex, list_texel(index == NONE_INDEX ? 0u : index), 0);
+    uvec4 record = fetch_source(cells_tex, list_texel(index == NONE_INDEX ? 0u : index));
     return index == NONE_INDEX ? uvec4(0u) : record;
 }
 

@@ -124,7 +124,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
             }
 #endif
             ivec3 at = (cell ^ mirror) + shift;
-            brick = texelFetch(bricks_tex, at / BRICK, 0);
+            brick = fetch_source(bricks_tex, at / BRICK);
             bit = brick_bit(at);
             uint word = bit < 32u ? brick.x : brick.y;
             occupied = (word >> (bit & 31u) & 1u) != 0u;
@@ -155,7 +155,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         }
         uvec4 record = uvec4(0u);
         if (occupied) {
-            record = texelFetch(cells_tex, list_texel(occupied_cell_index(brick, bit)), 0);
+            record = fetch_source(cells_tex, list_texel(occupied_cell_index(brick, bit)));
         }
 #if LEVELS
         ListWalk walk = begin_list(record, origin / side - vec3(listed - shift), along * side, slack / side);
@@ -165,7 +165,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
         do {
             next_run(walk, hit.distance);
             while (walk.next < walk.end) {
-                uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
+                uvec2 entry = fetch_source(cell_triangles_tex, list_texel(walk.next)).rg;
                 uvec3 words;
                 vec3 corner, e1, e2;
                 fetch_corners(entry, words, corner, e1, e2);

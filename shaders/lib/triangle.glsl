@@ -9,8 +9,9 @@
 // for the instance.
 
 #include "lib/common.glsl"
+#include "lib/source.glsl"
 
-layout(binding = TEX_TRIANGLES) uniform usampler2D triangles_tex;
+SOURCE_2D(TEX_TRIANGLES, SOURCE_TRIANGLES, rgba32ui) triangles_tex;
 
 struct Triangle {
     vec3 corner;    // grid space
@@ -41,7 +42,7 @@ ivec2 placement_texel(uint instance)
 
 uvec4 fetch_placement(uint instance)
 {
-    return texelFetch(triangles_tex, placement_texel(instance) + ivec2(3, 0), 0);
+    return fetch_source(triangles_tex, placement_texel(instance) + ivec2(3, 0));
 }
 
 // Entries of cells' lists: instance, place in the texture | flags << 24. The one with the lower number comes first.
@@ -78,13 +79,13 @@ uint instance_of(uint index)
 void fetch_corners(uvec2 entry, out uvec3 words, out vec3 corner, out vec3 edge_1, out vec3 edge_2)
 {
     ivec2 at = placement_texel(entry.x);
-    vec4 x = uintBitsToFloat(texelFetch(triangles_tex, at, 0));
-    vec4 y = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(1, 0), 0));
-    vec4 z = uintBitsToFloat(texelFetch(triangles_tex, at + ivec2(2, 0), 0));
+    vec4 x = uintBitsToFloat(fetch_source(triangles_tex, at));
+    vec4 y = uintBitsToFloat(fetch_source(triangles_tex, at + ivec2(1, 0)));
+    vec4 z = uintBitsToFloat(fetch_source(triangles_tex, at + ivec2(2, 0)));
     at = triangle_texel(entry.y & 0xFFFFFFu);
-    uvec4 t0 = texelFetch(triangles_tex, at, 0);
-    uvec4 t1 = texelFetch(triangles_tex, at + ivec2(1, 0), 0);
-    uvec4 t2 = texelFetch(triangles_tex, at + ivec2(2, 0), 0);
+    uvec4 t0 = fetch_source(triangles_tex, at);
+    uvec4 t1 = fetch_source(triangles_tex, at + ivec2(1, 0));
+    uvec4 t2 = fetch_source(triangles_tex, at + ivec2(2, 0));
     vec4 a = vec4(uintBitsToFloat(t0.xyz), 1.0);
     vec4 b = vec4(uintBitsToFloat(t1.xyz), 1.0);
     vec4 c = vec4(uintBitsToFloat(t2.xyz), 1.0);
@@ -106,7 +107,7 @@ Triangle fetch_listed(uvec2 entry)
     uint word = fetch_placement(entry.x).z + words.x;
     const uint row_words = 4u * 3u * uint(TRIANGLES_PER_ROW);
     ivec2 at = ivec2(int(word % row_words / 4u), int(word / row_words));
-    uint slot = texelFetch(triangles_tex, at, 0)[word & 3u];
+    uint slot = fetch_source(triangles_tex, at)[word & 3u];
     t.material = slot & 0xFFFFFFu;
     t.flags = slot >> 24;
     t.instance = entry.x;
@@ -150,9 +151,9 @@ uint triangle_number(uvec2 entry)
 void fetch_corners(uvec2 entry, out uvec3 words, out vec3 corner, out vec3 edge_1, out vec3 edge_2)
 {
     ivec2 at = triangle_texel(entry.x);
-    uvec4 a = texelFetch(triangles_tex, at, 0);
-    uvec4 b = texelFetch(triangles_tex, at + ivec2(1, 0), 0);
-    uvec4 c = texelFetch(triangles_tex, at + ivec2(2, 0), 0);
+    uvec4 a = fetch_source(triangles_tex, at);
+    uvec4 b = fetch_source(triangles_tex, at + ivec2(1, 0));
+    uvec4 c = fetch_source(triangles_tex, at + ivec2(2, 0));
     words = uvec3(a.w, b.w, c.w);
     corner = uintBitsToFloat(a.xyz);
     edge_1 = uintBitsToFloat(b.xyz);

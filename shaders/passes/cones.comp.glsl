@@ -12,7 +12,7 @@ layout(local_size_x = 4, local_size_y = 4, local_size_z = 4) in;
 
 layout(binding = IMG_0, rgba16f) writeonly uniform image3D level_img;
 #if FIRST
-layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
+SOURCE_2D(TEX_CELLS, SOURCE_CELLS, rgba32ui) cells_tex;
 layout(binding = TEX_FACE_RADIANCE) uniform usampler2D face_radiance_tex;
 #else
 layout(binding = TEX_CONES) uniform sampler3D cones_tex;
@@ -35,7 +35,7 @@ bool may_be_occupied(ivec3 first, ivec3 last)
     for (int z = low.z; z <= high.z; ++z)
     for (int y = low.y; y <= high.y; ++y)
     for (int x = low.x; x <= high.x; ++x) {
-        uvec4 brick = texelFetch(bricks_tex, ivec3(x, y, z), 0);
+        uvec4 brick = fetch_source(bricks_tex, ivec3(x, y, z));
         found |= brick.x | brick.y;
     }
     return found != 0u;
@@ -60,7 +60,7 @@ void main()
         ivec3 child = first + ivec3(x, y, z);
 #if FIRST
         uint index = cell_index(child);
-        uvec4 record = index == NONE_INDEX ? uvec4(0u) : texelFetch(cells_tex, list_texel(index), 0);
+        uvec4 record = index == NONE_INDEX ? uvec4(0u) : fetch_source(cells_tex, list_texel(index));
         uint first = record.z & FIRST_FACE_MASK;
         uint end = first + bitCount(record.w & FACING_MASK);
         for (uint face = first; face < end; ++face) {

@@ -7,7 +7,7 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
+SOURCE_2D(TEX_CELLS, SOURCE_CELLS, rgba32ui) cells_tex;
 layout(binding = IMG_0, r32ui) writeonly uniform uimage2D order_img;
 
 uniform uint work_count;
@@ -21,7 +21,7 @@ void main()
     }
     uint cell, side, axis;
     fetch_face_work(number, cell, side, axis);
-    uint face = face_index(texelFetch(cells_tex, list_texel(cell), 0), 6u * side + 2u * axis);
+    uint face = face_index(fetch_source(cells_tex, list_texel(cell)), 6u * side + 2u * axis);
     uint place = number + (axis > 0u ? axis_counts.x : 0u) + (axis > 1u ? axis_counts.y : 0u);
     imageStore(order_img, list_texel(place), uvec4(face | 2u * axis << FACING_SHIFT));
     imageStore(order_img, list_texel(place + axis_counts[axis]), uvec4((face + 1u) | (2u * axis + 1u) << FACING_SHIFT));

@@ -13,7 +13,7 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_CELLS) uniform usampler2D cells_tex;
+SOURCE_2D(TEX_CELLS, SOURCE_CELLS, rgba32ui) cells_tex;
 layout(binding = TEX_LINKS) uniform usampler2D links_tex;
 layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_light_tex;
 layout(binding = IMG_0, rgba32f) writeonly uniform image2D bins_img;
@@ -35,7 +35,7 @@ void main()
         return;
     }
     GuideWork work = fetch_guide_work(number);
-    uvec4 brick = texelFetch(bricks_tex, work.brick, 0);
+    uvec4 brick = fetch_source(bricks_tex, work.brick);
     uint cells = uint(bitCount(brick.x) + bitCount(brick.y));
     vec2 bins[GUIDE_BINS];
     for (int bin = 0; bin < GUIDE_BINS; ++bin) {
@@ -45,7 +45,7 @@ void main()
     while (at < 2u * cells) {
         uint face = NONE_INDEX;
         for (; at < 2u * cells && face == NONE_INDEX; ++at) {
-            uvec4 record = texelFetch(cells_tex, list_texel(brick.z + (at >> 1)), 0);
+            uvec4 record = fetch_source(cells_tex, list_texel(brick.z + (at >> 1)));
             uint bit = work.facing + 6u * (at & 1u);
             face = (record.w >> bit & 1u) != 0u ? face_index(record, bit) : NONE_INDEX;
         }

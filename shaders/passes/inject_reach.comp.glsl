@@ -26,7 +26,7 @@ void main()
     }
     ivec3 brick = ivec3(index % brick_count.x, index / brick_count.x % brick_count.y,
                         index / (brick_count.x * brick_count.y));
-    uvec4 record = texelFetch(bricks_tex, brick, 0);
+    uvec4 record = fetch_source(bricks_tex, brick);
     int level = level_of_cell(brick * BRICK);
     float side = level_side(level);
     vec3 centre = (vec3(from_stack(brick * BRICK, level)) + 0.5 * float(BRICK)) * side;

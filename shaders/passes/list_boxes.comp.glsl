@@ -29,7 +29,7 @@ void main()
         return;
     }
     uint cell = work[index].x, number = work[index].y;
-    uvec4 record = texelFetch(cells_tex, list_texel(cell), 0);
+    uvec4 record = fetch_source(cells_tex, list_texel(cell));
     uint runs = (record.y + BOX_RUN - 1u) / BOX_RUN;
     uint span = 1u;  // runs that a box of this level holds
     for (uint k = 0u; k < level; ++k) {

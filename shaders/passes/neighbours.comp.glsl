@@ -116,7 +116,7 @@ void list_asks(uint thread, uint number)
     fetch_face_work(number % (work_count / 2u), index, side, axis);
     uint packed_cell = texelFetch(cell_positions_tex, list_texel(index), 0).r;
     ivec3 cell = unpack_cell(packed_cell);
-    uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
+    uvec4 record = fetch_source(cells_tex, list_texel(index));
     uint face = face_index(record, 6u * side + 2u * axis) + 2u * number / work_count;
     Surroundings around = surroundings(face);
     face_of[thread] = face;

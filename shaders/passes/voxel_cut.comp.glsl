@@ -115,7 +115,7 @@ Seen sum_seen(uint first, uint end, vec3 wall, vec3 corner, int level)
     Seen seen = Seen(uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u));
     for (uint k = first; k < end; ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
+        Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
         uvec3 mask = axis_mask(part.facing);
         vec3 low, high;
         bounds_inside(t, corner, low, high);
@@ -193,7 +193,7 @@ SideAreas sum_sides(uint first, uint end, Cut cut, vec3 corner, int level)
     float place = float(cut.units) / CUT_UNITS;
     for (uint k = first; k < end; ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
+        Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
         uvec3 mask = axis_mask(part.facing);
         vec3 low, high;
         bounds_inside(t, corner, low, high);
@@ -231,7 +231,7 @@ uvec3 find_largest(uint first, uint end)
     uvec2 listed[3] = uvec2[3](uvec2(0u), uvec2(0u), uvec2(0u));
     for (uint k = first; k < end; ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        uvec2 at = texelFetch(cell_triangles_tex, list_texel(k), 0).rg;
+        uvec2 at = fetch_source(cell_triangles_tex, list_texel(k)).rg;
         for (uint a = 0u; a < 3u; ++a) {
             bool is_larger = part.area > area[a] || (part.area == area[a] && comes_before(at, listed[a]));
             is_larger = is_larger && part.facing >> 1 == a;
@@ -286,7 +286,7 @@ SideAreas sum_sides_of(CutPlane plane, int axis, uint first, uint end, vec3 corn
     SideAreas sides = SideAreas(uvec3(0u), uvec3(0u));
     for (uint k = first; k < end; ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
+        Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
         vec3 n = normalize(cross(t.edge_1, t.edge_2));
         int facing = int(part.facing >> 1);
         vec3 middle = corner + vec3(part.position) / max(float(part.area), 1.0);
@@ -343,7 +343,7 @@ void find_second_cut(inout Cut cut, uvec3 entries, Walls walls, uint first, uint
             Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
             int facing = int(part.facing >> 1);
             for (bool is_across = facing != cut.axis && facing != a; is_across; is_across = false) {
-                Triangle t = in_level(fetch_listed(texelFetch(cell_triangles_tex, list_texel(k), 0).rg), level);
+                Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
                 areas += uvec3(shares_above(plane, next, t, facing, corner) * float(part.area) + 0.5);
                 all += part.area;
             }
@@ -382,7 +382,7 @@ Areas crowd_areas()
 void main()
 {
     uint run = invocation_index();
-    uvec4 record = texelFetch(cells_tex, list_texel(crowd_cell), 0);
+    uvec4 record = fetch_source(cells_tex, list_texel(crowd_cell));
     uint first = record.x + CROWD_RUN * run, end = min(first + CROWD_RUN, record.x + record.y);
     if (first >= end) {
         return;
@@ -430,7 +430,7 @@ void main()
         return;
     }
     number = work[number];
-    uvec4 record = texelFetch(cells_tex, list_texel(number), 0);
+    uvec4 record = fetch_source(cells_tex, list_texel(number));
     uint first = record.x, end = record.x + record.y;
     if (record.y > CROWD) {
         return;

@@ -228,7 +228,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         do {
             next_run(walk, 1e30);
             for (; walk.next < walk.end; ++walk.next) {
-                uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
+                uvec2 entry = fetch_source(cell_triangles_tex, list_texel(walk.next)).rg;
                 uint index = triangle_number(entry);
                 Triangle t = in_level(fetch_listed(entry), level);
                 vec3 n = cross(t.edge_1, t.edge_2);
@@ -272,7 +272,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         plus_start = !misses_plus ? plus_start : (has_mean ? plus.position : another);
         minus_start = !misses_minus ? minus_start : (has_mean ? minus.position : another);
         for (uint k = record.x; k < record.x + (walked.y <= MOST_CLIPPED ? walked.y : 0u); ++k) {
-            uvec2 entry = texelFetch(cell_triangles_tex, list_texel(k), 0).rg;
+            uvec2 entry = fetch_source(cell_triangles_tex, list_texel(k)).rg;
             uint index = triangle_number(entry);
             Triangle t = in_level(fetch_listed(entry), level);
             vec3 n = cross(t.edge_1, t.edge_2);
@@ -298,7 +298,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         do {
             next_run(walk, 1e30);
             for (; walk.next < walk.end; ++walk.next) {
-                uvec2 entry = texelFetch(cell_triangles_tex, list_texel(walk.next), 0).rg;
+                uvec2 entry = fetch_source(cell_triangles_tex, list_texel(walk.next)).rg;
                 uint index = triangle_number(entry);
                 Triangle t = in_level(fetch_listed(entry), level);
                 vec3 n = cross(t.edge_1, t.edge_2);
@@ -338,7 +338,7 @@ Beyond beyond_of(uvec4 record, uint side, uint facing, int level, vec3 corner)
     uvec2 listed = uvec2(0u);
     for (uint k = record.x; k < record.x + record.y; ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        uvec2 at = texelFetch(cell_triangles_tex, list_texel(k), 0).rg;
+        uvec2 at = fetch_source(cell_triangles_tex, list_texel(k)).rg;
         bool is_larger = part.area > area || (part.area == area && area > 0u && comes_before(at, listed));
         is_larger = is_larger && part.facing == outward;
         area = is_larger ? part.area : area;
@@ -367,7 +367,7 @@ void main()
     }
     uint index, side, axis;
     fetch_face_work(number, index, side, axis);
-    uvec4 record = texelFetch(cells_tex, list_texel(index), 0);
+    uvec4 record = fetch_source(cells_tex, list_texel(index));
     uint first = face_index(record, 6u * side + 2u * axis);
 
     ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r);

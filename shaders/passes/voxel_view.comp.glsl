@@ -34,7 +34,7 @@ bool is_occupied(ivec3 block)
         return cell_index(block) != NONE_INDEX;
     }
     if (level == 1) {
-        uvec4 brick = texelFetch(bricks_tex, block / BRICK, 0);
+        uvec4 brick = fetch_source(bricks_tex, block / BRICK);
         uint bit = brick_bit(block);
         return ((bit < 32u ? brick.x : brick.y) >> (bit & 31u) & 0x00330033u) != 0u;
     }
@@ -44,7 +44,7 @@ bool is_occupied(ivec3 block)
     for (int z = first.z; z <= last.z; ++z) {
         for (int y = first.y; y <= last.y; ++y) {
             for (int x = first.x; x <= last.x; ++x) {
-                if (any(notEqual(texelFetch(bricks_tex, ivec3(x, y, z), 0).xy, uvec2(0u)))) {
+                if (any(notEqual(fetch_source(bricks_tex, ivec3(x, y, z)).xy, uvec2(0u)))) {
                     return true;
                 }
             }
@@ -121,7 +121,7 @@ Block first_block(vec3 origin, vec3 direction)
     while (t < t_end && inside_grid(cell) && --budget > 0) {
         ivec3 lo = (cell >> level) << level;
         ivec3 hi = lo + (1 << level);
-        int empty = BRICK * int(texelFetch(bricks_tex, cell / BRICK, 0).w >> octant & 15u);
+        int empty = BRICK * int(fetch_source(bricks_tex, cell / BRICK).w >> octant & 15u);
         if (empty > 0 && level <= 2) {
             lo = (cell & -BRICK) + (BRICK - empty) * ivec3(not(forward));
             hi = lo + empty;
@@ -146,7 +146,7 @@ Block first_block(vec3 origin, vec3 direction)
 // The cell's face that looks to the side that is seen, or else the one that looks most towards the viewer.
 uint seen_face(ivec3 cell, vec3 position, vec3 normal, vec3 direction)
 {
-    uvec4 record = texelFetch(cells_tex, list_texel(cell_index(cell)), 0);
+    uvec4 record = fetch_source(cells_tex, list_texel(cell_index(cell)));
     uint facings = (record.w | record.w >> 6) & 63u;
     uint facing = NONE_INDEX;
     float best = -1e30;
