@@ -224,10 +224,10 @@ class GpuContext:
         self, name: str, defines: Mapping[str, object] | None = None, texts: Mapping[str, str] | None = None
     ) -> Kernel:
         """The compute shader ``passes/<name>.comp.glsl``, compiled once for each set of defines. Raises ShaderError."""
-        defines, texts = {"READS_IMAGES": self.reads_images, **(defines or {})}, texts or {}
+        defines, texts = defines or {}, texts or {}
         key = (name, tuple(sorted(defines.items())), tuple(sorted(texts.items())))
         if key not in self._kernels:
-            source = resolve(f"passes/{name}.comp.glsl", defines, texts)
+            source = resolve(f"passes/{name}.comp.glsl", {**defines, "READS_IMAGES": self.reads_images}, texts)
             try:
                 with self.timed("compile"):
                     shader = self.mgl.compute_shader(source.text)

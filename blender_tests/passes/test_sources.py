@@ -28,6 +28,7 @@ def test_images_and_textures_give_the_same_bits(make: object, gpu: GpuContext, m
     pictures = []
     for reads_images in (True, False):
         monkeypatch.setattr(gpu, "reads_images", reads_images)
+        monkeypatch.setattr(gpu, "_kernels", {})
         with pipeline(gpu, make(), scenes.settings(24), size=(24, 16), samples=2) as ready:  # type: ignore[operator]
             pictures.append(ready.film.read("combined"))
     assert pictures[0][..., :3].mean() > 0.01
