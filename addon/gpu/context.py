@@ -6,7 +6,6 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
-import re
 import sys
 import threading
 import time
@@ -106,14 +105,7 @@ class Kernel:
                 self.gpu.dispatch_indirect(self.shader, self.gpu.no_groups, 0)
 
 
-#: Names of OpenGL drivers that draw on the CPU.
-_SOFTWARE = re.compile("llvmpipe|softpipe|lavapipe|swrast|swiftshader|software", re.IGNORECASE)
 _MAX_IMAGE_UNITS, _MAX_COMPUTE_IMAGE_UNIFORMS = 0x8F38, 0x91BD
-
-
-def is_software(renderer: str) -> bool:
-    """Whether a driver of this name draws on the CPU."""
-    return bool(_SOFTWARE.search(renderer))
 
 
 class GpuContext:
@@ -167,7 +159,7 @@ class GpuContext:
         for name in (_MAX_IMAGE_UNITS, _MAX_COMPUTE_IMAGE_UNIFORMS):
             get_integer(name, ctypes.byref(limit))
             units.append(limit.value)
-        self.reads_images = is_software(self.renderer) and min(units) > max(interface.SOURCES.values())
+        self.reads_images = loader.is_software(self.renderer) and min(units) > max(interface.SOURCES.values())
         self._native = loader.current_context()
 
     # Contexts ---------------------------------------------------------------------------------------------------

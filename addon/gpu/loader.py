@@ -9,8 +9,17 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import functools
+import re
 import sys
 from collections.abc import Callable
+
+#: Names of OpenGL drivers that draw on the CPU.
+_SOFTWARE = re.compile("llvmpipe|softpipe|lavapipe|swrast|swiftshader|software", re.IGNORECASE)
+
+
+def is_software(renderer: str) -> bool:
+    """Whether a driver of this name draws on the CPU."""
+    return bool(_SOFTWARE.search(renderer))
 
 
 class Loader:

@@ -15,7 +15,7 @@ import weakref
 from concurrent.futures import Future, wait
 from typing import Any
 
-from ..gpu.context import is_software
+from ..gpu.loader import is_software
 from ..progressive import Progressive, Status, Target
 from . import rays, session
 from .backend import viewport_has_own_context

@@ -6,7 +6,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from addon.gpu.context import GpuContext, is_software
+from addon.gpu.context import GpuContext
+from addon.gpu.loader import is_software
 from addon.scene import SceneData
 from blender_tests.passes import scenes
 from blender_tests.passes.run import pipeline
