@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
+from . import interface
 from .loader import Loader
 
 _UINT, _INT, _ENUM = ctypes.c_uint, ctypes.c_int, ctypes.c_uint
@@ -54,7 +55,7 @@ _BUFFERS = {
 }
 _TEXTURES = {0x8069: 0x0DE1, 0x806A: 0x806F}  # 2D, 3D: name to ask for, target to bind
 _UNITS = 32
-_STORAGE_SLOTS, _IMAGE_UNITS = 8, 12
+_STORAGE_SLOTS, _IMAGE_UNITS = 8, 1 + max(interface.SOURCES.values())
 
 
 class _State:
