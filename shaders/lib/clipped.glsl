@@ -27,29 +27,32 @@ ivec3 turn_back(ivec3 v, int axis)
     return axis == 0 ? v.zxy : (axis == 1 ? v.yzx : v);
 }
 
+// Narrower segments (of a cell's side) bring nothing; slopes of others fit into a float.
+const float NO_WIDTH = 1e-20;
+
 // Add segment a-b of an outline to (area, moment in x, moment in y).
 void add_segment(inout vec3 sums, vec2 a, vec2 b)
 {
     float x0 = clamp(a.x, 0.0, 1.0);
-    float x1 = clamp(b.x, 0.0, 1.0);
-    if (x0 == x1) {
-        return;
-    }
-    vec2 d = b - a;
-    float y0 = a.y + (x0 - a.x) / d.x * d.y;
-    float y1 = a.y + (x1 - a.x) / d.x * d.y;
+    float width = clamp(b.x, 0.0, 1.0) - x0;
+    bool is_there = abs(width) > NO_WIDTH;
+    float slope = is_there ? (b.y - a.y) / (b.x - a.x) : 0.0;
+    float y0 = a.y + (x0 - a.x) * slope;
+    float y1 = a.y + (x0 + width - a.x) * slope;
     float c0 = clamp(y0, 0.0, 1.0);
     float c1 = clamp(y1, 0.0, 1.0);
-    float inverse = y1 == y0 ? 0.0 : 1.0 / (y1 - y0);
-    float xm = mix(x0, x1, clamp((c0 - y0) * inverse, 0.0, 1.0));  // constant c0 up to here
-    float xn = mix(x0, x1, clamp((c1 - y0) * inverse, 0.0, 1.0));  // constant c1 from here
-    float before = xm - x0;
-    float between = xn - xm;
-    float after = x1 - xn;
-    sums.x += c0 * before + 0.5 * (c0 + c1) * between + c1 * after;
-    sums.y += 0.5 * c0 * before * (xm + x0) + between * (xm * (2.0 * c0 + c1) + xn * (c0 + 2.0 * c1)) / 6.0 +
-              0.5 * c1 * after * (x1 + xn);
-    sums.z += 0.5 * (c0 * c0 * before + c1 * c1 * after) + between * (c0 * c0 + c0 * c1 + c1 * c1) / 6.0;
+    // Where, from x0 on, y is c0 for the last time, and c1 for the first.
+    float rise = c1 - c0;
+    float per_rise = rise != 0.0 ? width / (y1 - y0) : 0.0;
+    float first = (c0 - y0) * per_rise;
+    float last = width + (c1 - y1) * per_rise;
+    // By parts: u c - integral of u dc, and so on; u is x - x0, and changes with c only in between.
+    float both = first + last;
+    float area = width * c1 - 0.5 * rise * both;
+    float sixth = rise * (1.0 / 6.0);
+    float in_x = 0.5 * width * width * c1 - sixth * (both * both - first * last) + x0 * area;
+    float in_y = 0.5 * width * c1 * c1 - sixth * (both * (c0 + c1) + first * c0 + last * c1);
+    sums += is_there ? vec3(area, in_x, in_y) : vec3(0.0);
 }
 
 // Cut edge a-b to 0 <= z < 1, add what is left, and note where it crosses the two planes: points where the outline
@@ -59,28 +62,21 @@ void add_edge(inout vec3 sums, vec3 a, vec3 b, inout vec2 low_out, inout vec2 lo
 {
     bool a_below = a.z < 0.0, b_below = b.z < 0.0;
     bool a_above = a.z >= 1.0, b_above = b.z >= 1.0;
-    vec2 start = a.xy, end = b.xy;
-    if (a_below != b_below) {
-        vec2 at = mix(a.xy, b.xy, clamp(a.z / (a.z - b.z), 0.0, 1.0));
-        low = true;
-        if (a_below) {
-            start = low_in = at;
-        } else {
-            end = low_out = at;
-        }
-    }
-    if (a_above != b_above) {
-        vec2 at = mix(a.xy, b.xy, clamp((a.z - 1.0) / (a.z - b.z), 0.0, 1.0));
-        high = true;
-        if (a_above) {
-            start = high_in = at;
-        } else {
-            end = high_out = at;
-        }
-    }
-    if (!(a_below && b_below) && !(a_above && b_above)) {
-        add_segment(sums, start, end);
-    }
+    float per_height = 1.0 / (a.z - b.z);
+    vec2 at_low = mix(a.xy, b.xy, clamp(a.z * per_height, 0.0, 1.0));
+    vec2 at_high = mix(a.xy, b.xy, clamp((a.z - 1.0) * per_height, 0.0, 1.0));
+    bool crosses_low = a_below != b_below, crosses_high = a_above != b_above;
+    low = low || crosses_low;
+    high = high || crosses_high;
+    low_in = crosses_low && a_below ? at_low : low_in;
+    low_out = crosses_low && b_below ? at_low : low_out;
+    high_in = crosses_high && a_above ? at_high : high_in;
+    high_out = crosses_high && b_above ? at_high : high_out;
+    vec2 start = a_below ? at_low : (a_above ? at_high : a.xy);
+    vec2 end = b_below ? at_low : (b_above ? at_high : b.xy);
+    // An edge that stays outside is shorter than any.
+    bool is_outside = (a_below && b_below) || (a_above && b_above);
+    add_segment(sums, start, is_outside ? start : end);
 }
 
 // (area, moments) of the part of triangle a b c inside the unit cube, projected along z; the sign of the area is the
