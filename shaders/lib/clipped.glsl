@@ -98,54 +98,86 @@ vec3 overlap(vec3 a, vec3 b, vec3 c)
     return sums;
 }
 
-// The tip of a triangle that a plane cuts off: its corners, and how high they are over another plane.
-struct Tip {
-    bool is_above;
-    vec3 a, b, c;
-    vec3 others;
-};
-
-// `heights`: of the triangle's corners, over the plane, which are on both sides of it; `others`: over another plane.
-Tip cut_off(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 others)
-{
-    bvec3 above = greaterThan(heights, vec3(0.0));
-    int alone = above.y == above.z ? 0 : (above.x == above.z ? 1 : 2);
-    vec3 p = alone == 0 ? a : (alone == 1 ? b : c);
-    vec3 q = alone == 0 ? b : (alone == 1 ? c : a);
-    vec3 r = alone == 0 ? c : (alone == 1 ? a : b);
-    vec3 h = alone == 0 ? heights : (alone == 1 ? heights.yzx : heights.zxy);
-    vec3 o = alone == 0 ? others : (alone == 1 ? others.yzx : others.zxy);
-    vec2 at = h.x / (h.x - h.yz);
-    return Tip(h.x > 0.0, p, mix(p, q, at.x), mix(p, r, at.y), vec3(o.x, mix(o.xx, o.yz, at)));
-}
-
 // Whether corners lie on both sides of a plane.
 bool is_divided(vec3 heights)
 {
     return max_component(heights) > 0.0 && min(heights.x, min(heights.y, heights.z)) <= 0.0;
 }
 
-// What of `all`, the overlap of a triangle, lies above a plane, over which its corners are so high.
-vec3 overlap_above(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 all)
+// What a plane leaves of a triangle: four corners, of which some may be one, and how high each is over another plane.
+struct Quad {
+    vec3 corners[4];
+    vec4 others;
+};
+
+// What lies above a plane, over which the triangle's corners are so high; `others`: over another plane.
+Quad cut_off(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 others)
 {
-    vec3 sums = max_component(heights) > 0.0 ? all : vec3(0.0);
-    for (bool cuts = is_divided(heights); cuts; cuts = false) {  // not an `if`, whose inside software rasterizers always run
-        Tip tip = cut_off(a, b, c, heights, heights);
-        sums = overlap(tip.a, tip.b, tip.c);
-        sums = tip.is_above ? sums : all - sums;
+    bvec3 above = greaterThan(heights, vec3(0.0));
+    // Corner p is on one side, q and r on the other.
+    int alone = above.y == above.z ? 0 : (above.x == above.z ? 1 : 2);
+    vec3 p = alone == 0 ? a : (alone == 1 ? b : c);
+    vec3 q = alone == 0 ? b : (alone == 1 ? c : a);
+    vec3 r = alone == 0 ? c : (alone == 1 ? a : b);
+    vec3 h = alone == 0 ? heights : (alone == 1 ? heights.yzx : heights.zxy);
+    vec3 o = alone == 0 ? others : (alone == 1 ? others.yzx : others.zxy);
+    bool is_cut = (h.x > 0.0) != (h.y > 0.0);
+    bool is_tip = h.x > 0.0;
+    vec2 at = is_cut ? h.x / (h.x - h.yz) : vec2(0.0);
+    vec3 on_q = mix(p, q, at.x), on_r = mix(p, r, at.y);
+    vec2 o_on = mix(o.xx, o.yz, at);
+    // Uncut, which is asked of triangles above alone: p, q, r, p.
+    bool is_small = is_cut && is_tip;
+    return Quad(vec3[4](on_q, is_small ? on_r : q, is_small ? p : r, is_small ? p : on_r),
+                vec4(o_on.x, is_small ? o_on.y : o.y, is_small ? o.x : o.z, is_small ? o.x : o_on.y));
+}
+
+// overlap() of what lies above two planes, over which the corners are so high, where one of these divides the triangle.
+vec3 overlap_of_divided(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 others)
+{
+    Quad quad = cut_off(a, b, c, heights, others);
+    vec3 sums = vec3(0.0);
+    vec2 low_out = vec2(0.0), low_in = vec2(0.0), high_out = vec2(0.0), high_in = vec2(0.0);
+    bool low = false, high = false, divides = false;
+    vec3 entry = vec3(0.0), leave = vec3(0.0);  // where the outline crosses the other plane
+    for (int k = 0; k < 4; ++k) {
+        vec3 start = quad.corners[k], end = quad.corners[k + 1 & 3];
+        float from = quad.others[k], to = quad.others[k + 1 & 3];
+        vec3 at = mix(start, end, clamp(from / (from - to), 0.0, 1.0));
+        bool enters = from <= 0.0 && to > 0.0, leaves = from > 0.0 && to <= 0.0;
+        divides = divides || enters;
+        entry = enters ? at : entry;
+        leave = leaves ? at : leave;
+        start = enters ? at : start;
+        end = leaves ? at : (from <= 0.0 && to <= 0.0 ? start : end);
+        add_edge(sums, start, end, low_out, low_in, low, high_out, high_in, high);
+    }
+    if (divides) {
+        add_edge(sums, leave, entry, low_out, low_in, low, high_out, high_in, high);
+    }
+    if (low) {
+        add_segment(sums, low_out, low_in);
+    }
+    if (high) {
+        add_segment(sums, high_out, high_in);
     }
     return sums;
 }
 
-// The same for two planes.
+// What of `all`, the overlap of a triangle, lies above two planes.
 vec3 overlap_above_both(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 others, vec3 all)
 {
-    vec3 above = overlap_above(a, b, c, others, all);
-    vec3 sums = max_component(heights) > 0.0 ? above : vec3(0.0);
-    for (bool cuts = is_divided(heights); cuts; cuts = false) {
-        Tip tip = cut_off(a, b, c, heights, others);
-        sums = overlap_above(tip.a, tip.b, tip.c, tip.others, overlap(tip.a, tip.b, tip.c));
-        sums = tip.is_above ? sums : above - sums;
+    bool is_above = max_component(heights) > 0.0 && max_component(others) > 0.0;
+    vec3 sums = is_above ? all : vec3(0.0);
+    // Not an `if`, whose inside software rasterizers always run.
+    for (bool cuts = is_above && (is_divided(heights) || is_divided(others)); cuts; cuts = false) {
+        sums = overlap_of_divided(a, b, c, heights, others);
     }
     return sums;
+}
+
+// The same for one plane.
+vec3 overlap_above(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 all)
+{
+    return overlap_above_both(a, b, c, heights, vec3(1.0), all);
 }

@@ -38,8 +38,9 @@ struct Face {
 };
 
 #if IS_CROWDED
-void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minus)
+void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minus, out uint facing)
 {
+    facing = 0xFFFFFFFFu;
     plus = crowd_facing(2u * axis);
     minus = crowd_facing(2u * axis + 1u);
 }
@@ -52,13 +53,15 @@ void add_part(inout FacingSums sums, Part part, uint mask)
     sums.position += part.position & mask;
 }
 
-// What the surfaces of a cell bring to the two facings of an axis.
-void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minus)
+// What the surfaces of a cell bring to the two facings of an axis, and which of its first 32 triangles face along that.
+void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minus, out uint facing)
 {
     plus = NO_SUMS;
     minus = NO_SUMS;
+    facing = 0u;
     for (uint k = record.x; k < record.x + record.y; ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        facing |= part.facing >> 1 == axis && k < record.x + 32u ? 1u << (k - record.x) : 0u;
         uint to_plus = part.facing == 2u * axis ? 0xFFFFFFFFu : 0u;
         uint to_minus = part.facing == 2u * axis + 1u ? 0xFFFFFFFFu : 0u;
         add_part(plus, part, to_plus);
@@ -199,6 +202,14 @@ ListWalk begin_lines(uvec4 record, vec3 low, vec3 high, vec3 corner, int axis)
     return begin_list(record, middle - corner, inverse, slack);
 }
 
+// The next triangle of a list, from `entry` on, that faces along the axis; what comes after the first 32 may face elsewhere.
+uint next_facing(uint entry, uint first, uint facing)
+{
+    uint place = entry - first;
+    uint left = place < 32u ? facing >> place : 1u;
+    return left == 0u ? first + 32u : entry + uint(findLSB(left));
+}
+
 const Outermost NOTHING = Outermost(true, -1e30, NONE_INDEX, 0u);
 // Lines tried in cells where both sides have faces along them; none for a wall that a cell is cut along: other surfaces
 // stand on it and hide a part, hardly ever its middle.
@@ -212,7 +223,7 @@ const uint MOST_CLIPPED = 1024u;
 // surfaces lies inside them. Lines of neighbouring blocks of cells are spread evenly, so that edges of shadows are where
 // they are, on average over cells. What another side's surface covers is not outermost.
 void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ivec3 cell, int level, vec3 corner,
-                   vec3 low, vec3 high, bool is_shared, bool has_plus, bool has_minus, Beyond beyond)
+                   vec3 low, vec3 high, bool is_shared, bool has_plus, bool has_minus, Beyond beyond, uint facing)
 {
     vec3 direction = plus.normal;
     vec3 column_low = mix(low, corner, abs(direction));
@@ -227,7 +238,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         ListWalk walk = begin_lines(record, start, start, corner, axis);
         do {
             next_run(walk, 1e30);
-            for (; walk.next < walk.end; ++walk.next) {
+            for (walk.next = next_facing(walk.next, record.x, facing); walk.next < walk.end;
+                 walk.next = next_facing(walk.next + 1u, record.x, facing)) {
                 uvec2 entry = fetch_source(cell_triangles_tex, list_texel(walk.next)).rg;
                 uint index = triangle_number(entry);
                 Triangle t = in_level(fetch_listed(entry), level);
@@ -271,7 +283,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         bool has_mean = !is_shared || record.y <= MOST_CLIPPED;
         plus_start = !misses_plus ? plus_start : (has_mean ? plus.position : another);
         minus_start = !misses_minus ? minus_start : (has_mean ? minus.position : another);
-        for (uint k = record.x; k < record.x + (walked.y <= MOST_CLIPPED ? walked.y : 0u); ++k) {
+        uint end = record.x + (walked.y <= MOST_CLIPPED ? walked.y : 0u);
+        for (uint k = next_facing(record.x, record.x, facing); k < end; k = next_facing(k + 1u, record.x, facing)) {
             uvec2 entry = fetch_source(cell_triangles_tex, list_texel(k)).rg;
             uint index = triangle_number(entry);
             Triangle t = in_level(fetch_listed(entry), level);
@@ -297,7 +310,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         ListWalk walk = begin_lines(walked, min(one, other), max(one, other), corner, axis);
         do {
             next_run(walk, 1e30);
-            for (; walk.next < walk.end; ++walk.next) {
+            for (walk.next = next_facing(walk.next, record.x, facing); walk.next < walk.end;
+                 walk.next = next_facing(walk.next + 1u, record.x, facing)) {
                 uvec2 entry = fetch_source(cell_triangles_tex, list_texel(walk.next)).rg;
                 uint index = triangle_number(entry);
                 Triangle t = in_level(fetch_listed(entry), level);
@@ -387,22 +401,23 @@ void main()
         high[cut] = side == 0u ? place : high[cut];
     }
     FacingSums plus = NO_SUMS, minus = NO_SUMS;
+    uint facing;
     if (is_shared && cut >= 0 && cut != int(axis)) {  // not inside the wall that the cell is cut along
-        sum_parts(record, uint(cut), plus, minus);
+        sum_parts(record, uint(cut), plus, minus, facing);
     }
     if (side == 1u && plus.area > 0u) {
         low[cut] = max(low[cut], corner[cut] + float(plus.position[cut]) / float(plus.area));
     } else if (side == 0u && minus.area > 0u) {
         high[cut] = min(high[cut], corner[cut] + float(minus.position[cut]) / float(minus.area));
     }
-    sum_parts(record, axis, plus, minus);
+    sum_parts(record, axis, plus, minus, facing);
     if (plus.area == 0u && minus.area == 0u) {
         plus.area = 1u;  // so little of a surface that it was rounded away: black, at the cell's corner
     }
     Face front = mean_face(plus, 2u * axis, corner);
     Face back = mean_face(minus, 2u * axis + 1u, corner);
     find_surfaces(front, back, record, int(axis), cell, level, corner, low, high, is_shared, plus.area > 0u,
-                  minus.area > 0u, beyond);
+                  minus.area > 0u, beyond, facing);
     // The side that nothing was made for is the back of a sheet: the same surface, turned over.
     if (plus.area == 0u) {
         front = turned_over(back);
