@@ -152,13 +152,14 @@ def test_rates_of_fetches() -> None:
                "statistics": {"resolution": [5, 2], "mean_samples": 2.0, "samples": 2, "faces": 30}}
     times = [{"name": name, "calls": 1, "cpu_ms": cpu_ms} for name, cpu_ms in (("gather", 48.0), ("link", 10.0))]
     statistics = {"resolution": [20, 5], "mean_samples": 8.0, "faces": 50, "passes": times}
-    rates = {"list": 1e6, "byte": 2e6, "trilinear": 3e6, "buffer": 4e6}
+    rates = {"list": 1e6, "far list": 5e5, "byte": 2e6, "trilinear": 3e6, "buffer": 4e6}
     timed = store.Result(Path(), {"statistics": statistics, "fetch_rates": rates})
     found = numbers._fetches("conelight-draft", counted, timed)
     assert found["rates"] == pytest.approx({"gather": 30.0 * 800 / 0.048, "link": 30.0 * 50 / 0.01})
-    assert found["shares"] == pytest.approx({"gather": 0.5, "link": 0.15})
+    assert found["shares"]["gather"] == pytest.approx({"list": 0.5, "far list": 1.0})
+    assert found["shares"]["link"] == pytest.approx({"list": 0.15, "far list": 0.3})
     table = list(report._rates([{"scene": "room", "fetches": [found]}]))
-    assert table[-1] == "| room | conelight-draft | 1 | 2 | 3 | 4 | 0 (50%) | 0 (15%) |  |"
+    assert table[-1] == "| room | conelight-draft | 1 | 0 | 2 | 3 | 4 | 0 (50%, 100%) | 0 (15%, 30%) |  |"
     assert "rates" not in numbers._fetches("conelight-draft", counted, store.Result(Path(), {"statistics": statistics}))
 
 

@@ -31,7 +31,9 @@ FACE_KERNELS = ("link", "inject", "bounce", "cones")
 #: Kernels whose rate of fetches is told: the passes of these names do nothing else.
 RATED_KERNELS = ("gather", "link", "inject")
 #: What ``fetch_rate.py`` measures.
-RAW_KINDS = ("list", "byte", "trilinear", "buffer")
+RAW_KINDS = ("list", "far list", "byte", "trilinear", "buffer")
+#: Of which shares are told.
+LIST_KINDS = ("list", "far list")
 
 
 def reference_of(plan: Plan, store: Store) -> measure.Reference | None:
@@ -82,7 +84,8 @@ def compare_kernels(entry: Row) -> None:
 def _fetches(name: str, info: dict[str, Any], timed: Result | None = None) -> Row:
     """Texel fetches by kernel: of the whole render, and for each voxel face or pixel and pass.
 
-    ``timed``: the same peer's picture. It tells the machine's raw rates, and so what share of that of lists is reached.
+    ``timed``: the same peer's picture. It tells the machine's raw rates, and so what shares of those of lists are
+    reached.
     """
     statistics = info["statistics"]
     pixels = math.prod(statistics["resolution"]) * statistics["mean_samples"]
@@ -94,7 +97,9 @@ def _fetches(name: str, info: dict[str, Any], timed: Result | None = None) -> Ro
     if timed is not None and "fetch_rates" in timed.info:
         row["raw"] = timed.info["fetch_rates"]
         row["rates"] = _rates(row["each"], timed.info["statistics"])
-        row["shares"] = {kernel: rate / row["raw"]["list"] for kernel, rate in row["rates"].items()}
+        row["shares"] = {
+            kernel: {kind: rate / row["raw"][kind] for kind in LIST_KINDS} for kernel, rate in row["rates"].items()
+        }
     return row
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from . import numbers, plots
-from .numbers import KERNEL_BAR, MOVING_PEER, RATED_KERNELS, RAW_KINDS, TARGET_PEER, Row, find, time_to
+from .numbers import KERNEL_BAR, LIST_KINDS, MOVING_PEER, RATED_KERNELS, RAW_KINDS, TARGET_PEER, Row, find, time_to
 from .peers import COUNTED_SAMPLES
 from .plan import Plan
 from .store import Store, blender_version, code_digest, machine
@@ -160,18 +160,23 @@ def _fetches(scenes: Sequence[Row]) -> Iterator[str]:
 
 
 def _rates(scenes: Sequence[Row]) -> Iterator[str]:
-    """Millions of fetches per second of CPU time; of kernels also the share of what lists allow."""
+    """Millions of fetches per second of CPU time; of kernels also the shares of what lists allow."""
+
+    def rated(row: Row, name: str) -> str:
+        if name not in row["rates"]:
+            return ""
+        shares = ", ".join(f"{row['shares'][name][kind]:.0%}" for kind in LIST_KINDS)
+        return f"{row['rates'][name] / 1e6:.0f} ({shares})"
+
     rows = []
     for entry in scenes:
         for row in entry.get("fetches", ()):
             if "rates" in row:
                 raw = (f"{row['raw'][kind] / 1e6:.0f}" for kind in RAW_KINDS)
-                cells = (
-                    f"{row['rates'][name] / 1e6:.0f} ({row['shares'][name]:.0%})" if name in row["rates"] else ""
-                    for name in RATED_KERNELS
-                )
+                cells = (rated(row, name) for name in RATED_KERNELS)
                 rows.append((entry["scene"], row["peer"], *raw, *cells))
-    return _table(("scene", "peer", *RAW_KINDS, *(f"{name} (of list)" for name in RATED_KERNELS)), rows)
+    of_lists = ", ".join(f"of {kind}" for kind in LIST_KINDS)
+    return _table(("scene", "peer", *RAW_KINDS, *(f"{name} ({of_lists})" for name in RATED_KERNELS)), rows)
 
 
 def _moving(scenes: Sequence[Row]) -> Iterator[str]:

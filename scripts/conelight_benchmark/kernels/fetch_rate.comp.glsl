@@ -2,15 +2,16 @@
 // Nothing but fetches: each thread makes FETCHES of one KIND, from entries all over the source, and keeps what they sum
 // up to. What a tracing kernel can reach at most.
 //
-// KIND is one of KIND_LIST: four words of a list texture, as rays read cells and triangles; KIND_BYTE: one byte of a 3D
-// texture; KIND_TRILINEAR: eight texels of a 3D texture of half floats, interpolated; KIND_BUFFER: a word of a buffer.
+// KIND is one of KIND_LIST: four words of a list, as rays read cells and triangles (lib/source.glsl); KIND_BYTE: one byte of
+// a 3D texture; KIND_TRILINEAR: eight texels of a 3D texture of half floats, interpolated; KIND_BUFFER: a word of a buffer.
 
 #include "lib/common.glsl"
+#include "lib/source.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 #if KIND == KIND_LIST
-layout(binding = TEX_CELLS) uniform usampler2D source;
+SOURCE_2D(TEX_CELLS, SOURCE_CELLS, rgba32ui) source;
 #elif KIND == KIND_BYTE
 layout(binding = TEX_CELLS) uniform usampler3D source;
 #elif KIND == KIND_TRILINEAR
@@ -31,7 +32,7 @@ void main()
         at += 0x9E3779B1u;
         uint entry = at & (entries - 1u);
 #if KIND == KIND_LIST
-        uvec4 found = texelFetch(source, list_texel(entry), 0);
+        uvec4 found = fetch_source(source, list_texel(entry));
         sum += found.x + found.y + found.z + found.w;
 #elif KIND == KIND_BYTE
         sum += texelFetch(source, ivec3(entry & 127u, entry >> 7 & 127u, entry >> 14), 0).r;
