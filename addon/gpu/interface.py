@@ -66,6 +66,9 @@ FACING_SHIFT = 29
 #: A face or a triangle that is not there.
 NONE_INDEX = 0xFFFFFFFF
 
+#: Faces whose numbers an edit may change alike, and what is said of them where it does not.
+NUMBER_RUN, NO_SHIFT = 64, 1 << 31
+
 #: A list of triangles that is longer has boxes over runs of its entries (lib/cell_list.glsl).
 LONG_LIST = 32
 #: Entries in such a run, and boxes that a larger one holds.
@@ -101,7 +104,8 @@ BUFFERS = (
 BUFFER_ALIASES = {
     "BUF_RADIANCE": "BUF_POSITIONS",  # uvec2[] (lib/packed_light.glsl): radiance of faces while light bounces
     "BUF_RADIANCE_BEFORE": "BUF_WORK",  # the same, a bounce before
-    "BUF_NUMBERS_NOW": "BUF_POSITIONS",  # uint[]: number that each face before has, where faces are taken over
+    # uint[]: where faces are taken over, by how much the numbers of runs of them have grown, then what each has become
+    "BUF_NUMBERS_NOW": "BUF_POSITIONS",
 }
 
 # Texture units. GL 4.3 promises sixteen to a stage.
@@ -336,6 +340,8 @@ def prelude() -> str:
         "NO_BIN": f"{NO_BIN}u",
         "FACING_SHIFT": FACING_SHIFT,
         "NONE_INDEX": f"0x{NONE_INDEX:X}u",
+        "NUMBER_RUN": f"{NUMBER_RUN}u",
+        "NO_SHIFT": f"0x{NO_SHIFT:X}u",
         "FLAT_COSINE": FLAT_COSINE,
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
         "LIGHT_PICKS": LIGHT_PICKS,

@@ -126,6 +126,7 @@ class LinkPass:
                 voxels.faces.bind()
                 voxels.faces.bind_sites()
                 changes.bind(kernel, changes.reach)
+                changes.bind_numbers_now(kernel)
                 links.use(slot("TEX_LINKS"))
                 self.links.bind_to_image(slot("IMG_0"), read=False, write=True)
                 if straight is not None and self.straight is not None:

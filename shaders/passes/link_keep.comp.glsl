@@ -20,6 +20,7 @@ layout(binding = IMG_2, rg32ui) writeonly uniform uimage2D straight_img;
 
 uniform uint link_count;  // a multiple of four
 uniform uint random_seed;
+uniform uint run_count;   // of faces before
 
 // From where a ray ends to the place of the face that it was linked to, along each axis at most: a cell (lib/radiance.glsl)
 // and a cell.
@@ -41,13 +42,18 @@ void main()
         uvec4 links = texelFetch(links_before_tex, list_texel(before * quads + q), 0);
         for (int k = 0; k < 4; ++k) {
             uint linked = linked_face(links[k]);
-            uint number = numbers_now[linked == NONE_INDEX ? 0u : linked];
+            // Loops, not `if`s: software rasterizers run the inside of an `if` whether it holds or not.
+            uint asked = linked == NONE_INDEX ? 0u : linked;
+            uint shift_of_run = numbers_now[asked / NUMBER_RUN];
+            uint number = asked + shift_of_run;
+            for (bool differ = shift_of_run == NO_SHIFT; differ; differ = false) {
+                number = numbers_now[run_count + asked];
+            }
             number = linked == NONE_INDEX ? NONE_INDEX : number;
             has_changed = has_changed || (number == NONE_INDEX && linked != NONE_INDEX);
             links[k] = (links[k] & ~LINK_FACE_MASK) | (number & LINK_FACE_MASK);
         }
         imageStore(link_img, list_texel(site.face * quads + q), links);
-        // Loops, not `if`s: software rasterizers run the inside of an `if` whether it holds or not.
         for (uint k = may_cross && !has_changed ? 0u : 4u; k < 4u; ++k) {
             vec3 direction;
             bool leaves = link_ray(site, 4u * q + k, shift, seed, direction);
