@@ -40,9 +40,9 @@ void main()
     uint quads = link_count / 4u;
     for (uint q = 0u; q < (before == NONE_INDEX ? 0u : quads); ++q) {
         uvec4 links = texelFetch(links_before_tex, list_texel(before * quads + q), 0);
+        // Loops, not `if`s, below: software rasterizers run the inside of an `if` whether it holds or not.
         for (int k = 0; k < 4; ++k) {
             uint linked = linked_face(links[k]);
-            // Loops, not `if`s: software rasterizers run the inside of an `if` whether it holds or not.
             uint asked = linked == NONE_INDEX ? 0u : linked;
             uint shift_of_run = numbers_now[asked / NUMBER_RUN];
             uint number = asked + shift_of_run;
