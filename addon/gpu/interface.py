@@ -66,7 +66,7 @@ FACING_SHIFT = 29
 #: A face or a triangle that is not there.
 NONE_INDEX = 0xFFFFFFFF
 
-#: Faces whose numbers an edit may change alike, and what is said of them where it does not.
+#: Faces in a row for which one word says by how much their numbers grow; NO_SHIFT: not all by as much.
 NUMBER_RUN, NO_SHIFT = 64, 1 << 31
 
 #: A list of triangles that is longer has boxes over runs of its entries (lib/cell_list.glsl).

@@ -258,6 +258,21 @@ def test_slivers_are_not_black(gpu: GpuContext) -> None:
         np.testing.assert_allclose(found.faces["reflectance"][up].mean(axis=0), [0.8, 0.5, 0.2], atol=0.07)
 
 
+def test_walls_between_two_axes_have_their_colour(gpu: GpuContext) -> None:
+    """At 45 degrees to the grid rounding decides which axis a triangle faces: once, for all that is made of it."""
+    rng = np.random.default_rng(1)
+    place = np.stack(np.meshgrid(*[np.arange(1, 31)] * 3), axis=-1).reshape(-1, 1, 3)
+    along = rng.uniform(-0.3, 0.3, (len(place), 3, 2))
+    corners = place + rng.uniform(0.4, 0.6, place.shape) + along[..., [0, 0, 1]]
+    albedo = [0.8, 0.5, 0.2]
+    with voxelized(gpu, scenes.scene((scenes.soup(corners), scenes.diffuse(albedo))), unit_grid(32)) as found:
+        faces = found.faces[found.faces["weight"] > 4e-3]  # of less, sums are rounded by more
+        assert len(faces) > 20000
+        np.testing.assert_allclose(faces["reflectance"], np.broadcast_to(albedo, (len(faces), 3)), atol=0.02)
+        normals = np.broadcast_to([np.sqrt(0.5), np.sqrt(0.5), 0.0], (len(faces), 3))
+        np.testing.assert_allclose(np.abs(faces["normal"]), normals, atol=0.02)
+
+
 def test_instances_are_transformed(gpu: GpuContext) -> None:
     """Scaled, mirrored and far-away placements of one mesh: area by the scale, facings by the mirror."""
     shape = scenes.plane(2.0)

@@ -118,10 +118,11 @@ def contents(paths: Iterable[Path]) -> list[bytes]:
 
 @cache
 def code_digest() -> str:
-    """Changes with the code of the engine."""
+    """Changes with the code of the engine, and with what measures the machine's rates beside it."""
     folders = (ROOT / "addon", ROOT / "shaders")
     paths = sorted(path for folder in folders for path in folder.rglob("*") if path.suffix in (".py", ".glsl"))
-    return digest(*contents(paths))
+    here = Path(__file__).parent
+    return digest(*contents([*paths, here / "fetch_rate.py", here / "kernels" / "fetch_rate.comp.glsl"]))
 
 
 def shader_changes(job: Job) -> str:

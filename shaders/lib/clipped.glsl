@@ -5,7 +5,8 @@
 // (three clipped edges and two caps), then to a unit square: its area is the sum over the outline's segments of
 //     integral of clamp(y, 0, 1) dx  for x in [0, 1],
 // with first moments likewise. Clamps are continuous, so nothing can be lost at grazing angles, there are no vertex
-// lists, and neighbouring cells use the same numbers for the line they share.
+// lists, and neighbouring cells use the same numbers for the line they share. Of what lies above two planes, the outline
+// is cut by these first.
 
 #include "lib/common.glsl"
 
@@ -41,12 +42,13 @@ void add_segment(inout vec3 sums, vec2 a, vec2 b)
     float y1 = a.y + (x0 + width - a.x) * slope;
     float c0 = clamp(y0, 0.0, 1.0);
     float c1 = clamp(y1, 0.0, 1.0);
-    // Where, from x0 on, y is c0 for the last time, and c1 for the first.
+    // While y, clamped, goes from c0 to c1, u = x - x0 goes from `first` to `last`; before and after, it stays.
     float rise = c1 - c0;
-    float per_rise = rise != 0.0 ? width / (y1 - y0) : 0.0;
+    float span = y1 - y0;
+    float per_rise = abs(span) > NO_WIDTH ? width / span : 0.0;
     float first = (c0 - y0) * per_rise;
     float last = width + (c1 - y1) * per_rise;
-    // By parts: u c - integral of u dc, and so on; u is x - x0, and changes with c only in between.
+    // By parts: integral of c du = u c - integral of u dc, and so on.
     float both = first + last;
     float area = width * c1 - 0.5 * rise * both;
     float sixth = rise * (1.0 / 6.0);
@@ -72,11 +74,11 @@ void add_edge(inout vec3 sums, vec3 a, vec3 b, inout vec2 low_out, inout vec2 lo
     low_out = crosses_low && b_below ? at_low : low_out;
     high_in = crosses_high && a_above ? at_high : high_in;
     high_out = crosses_high && b_above ? at_high : high_out;
+    // An edge that stays outside has no length; where it crosses the planes may not be a number.
+    bool is_outside = (a_below && b_below) || (a_above && b_above);
     vec2 start = a_below ? at_low : (a_above ? at_high : a.xy);
     vec2 end = b_below ? at_low : (b_above ? at_high : b.xy);
-    // An edge that stays outside is shorter than any.
-    bool is_outside = (a_below && b_below) || (a_above && b_above);
-    add_segment(sums, start, is_outside ? start : end);
+    add_segment(sums, is_outside ? a.xy : start, is_outside ? a.xy : end);
 }
 
 // (area, moments) of the part of triangle a b c inside the unit cube, projected along z; the sign of the area is the
@@ -127,9 +129,9 @@ Quad cut_off(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 others)
     vec3 on_q = mix(p, q, at.x), on_r = mix(p, r, at.y);
     vec2 o_on = mix(o.xx, o.yz, at);
     // Uncut, which is asked of triangles above alone: p, q, r, p.
-    bool is_small = is_cut && is_tip;
-    return Quad(vec3[4](on_q, is_small ? on_r : q, is_small ? p : r, is_small ? p : on_r),
-                vec4(o_on.x, is_small ? o_on.y : o.y, is_small ? o.x : o.z, is_small ? o.x : o_on.y));
+    bool is_only_tip = is_cut && is_tip;
+    return Quad(vec3[4](on_q, is_only_tip ? on_r : q, is_only_tip ? p : r, is_only_tip ? p : on_r),
+                vec4(o_on.x, is_only_tip ? o_on.y : o.y, is_only_tip ? o.x : o.z, is_only_tip ? o.x : o_on.y));
 }
 
 // overlap() of what lies above two planes, over which the corners are so high, where one of these divides the triangle.

@@ -11,7 +11,7 @@
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_LINKS) uniform usampler2D links_before_tex;
-layout(std430, binding = BUF_NUMBERS_NOW) readonly buffer NumbersNow { uint numbers_now[]; };
+layout(std430, binding = BUF_NUMBERS_NOW) readonly buffer NumbersNow { uint numbers_now[]; };  // shifts of runs, then numbers
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D link_img;
 #if HAS_STRAIGHT
 layout(binding = TEX_STRAIGHT_BEFORE) uniform usampler2D straight_before_tex;

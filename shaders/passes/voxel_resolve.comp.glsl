@@ -28,6 +28,13 @@ layout(binding = IMG_2, r32ui) writeonly uniform uimage2D shading_img;
 uniform uint work_count;
 uniform uint line_block;     // cells on a side of the blocks in which all lines are alike
 
+// Triangles of a list, from its first on, of which a mask says whether they face along an axis.
+#if IS_CROWDED
+const uint MASKED = 0u;
+#else
+const uint MASKED = 32u;
+#endif
+
 struct Face {
     vec3 position;
     vec3 normal;
@@ -38,9 +45,9 @@ struct Face {
 };
 
 #if IS_CROWDED
-void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minus, out uint facing)
+void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minus, out uint facing_mask)
 {
-    facing = 0xFFFFFFFFu;
+    facing_mask = 0u;  // not asked for
     plus = crowd_facing(2u * axis);
     minus = crowd_facing(2u * axis + 1u);
 }
@@ -53,15 +60,15 @@ void add_part(inout FacingSums sums, Part part, uint mask)
     sums.position += part.position & mask;
 }
 
-// What the surfaces of a cell bring to the two facings of an axis, and which of its first 32 triangles face along that.
-void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minus, out uint facing)
+// What the surfaces of a cell bring to the two facings of an axis, and which of its first triangles face along that.
+void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minus, out uint facing_mask)
 {
     plus = NO_SUMS;
     minus = NO_SUMS;
-    facing = 0u;
+    facing_mask = 0u;
     for (uint k = record.x; k < record.x + record.y; ++k) {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        facing |= part.facing >> 1 == axis && k < record.x + 32u ? 1u << (k - record.x) : 0u;
+        facing_mask |= part.facing >> 1 == axis && k < record.x + MASKED ? 1u << (k - record.x) : 0u;
         uint to_plus = part.facing == 2u * axis ? 0xFFFFFFFFu : 0u;
         uint to_minus = part.facing == 2u * axis + 1u ? 0xFFFFFFFFu : 0u;
         add_part(plus, part, to_plus);
@@ -202,12 +209,22 @@ ListWalk begin_lines(uvec4 record, vec3 low, vec3 high, vec3 corner, int axis)
     return begin_list(record, middle - corner, inverse, slack);
 }
 
-// The next triangle of a list, from `entry` on, that faces along the axis; what comes after the first 32 may face elsewhere.
-uint next_facing(uint entry, uint first, uint facing)
+// The next triangle of a list, from `entry` on, that may face along the axis: one that is not masked may face elsewhere.
+uint next_facing(uint entry, uint first, uint facing_mask)
 {
     uint place = entry - first;
-    uint left = place < 32u ? facing >> place : 1u;
-    return left == 0u ? first + 32u : entry + uint(findLSB(left));
+    uint left = place < MASKED ? facing_mask >> place : 1u;
+    return left == 0u ? first + MASKED : entry + uint(findLSB(left));
+}
+
+// Whether it does. Its part says so: a normal between two axes would be told to be nearest to either, as it is rounded.
+bool faces_along(uint entry, uint first, int axis)
+{
+    bool faces = true;
+    for (bool asks = entry - first >= MASKED; asks; asks = false) {
+        faces = int(unpack_part(texelFetch(parts_tex, list_texel(entry), 0)).facing >> 1) == axis;
+    }
+    return faces;
 }
 
 const Outermost NOTHING = Outermost(true, -1e30, NONE_INDEX, 0u);
@@ -223,7 +240,7 @@ const uint MOST_CLIPPED = 1024u;
 // surfaces lies inside them. Lines of neighbouring blocks of cells are spread evenly, so that edges of shadows are where
 // they are, on average over cells. What another side's surface covers is not outermost.
 void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, ivec3 cell, int level, vec3 corner,
-                   vec3 low, vec3 high, bool is_shared, bool has_plus, bool has_minus, Beyond beyond, uint facing)
+                   vec3 low, vec3 high, bool is_shared, bool has_plus, bool has_minus, Beyond beyond, uint facing_mask)
 {
     vec3 direction = plus.normal;
     vec3 column_low = mix(low, corner, abs(direction));
@@ -238,14 +255,15 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         ListWalk walk = begin_lines(record, start, start, corner, axis);
         do {
             next_run(walk, 1e30);
-            for (walk.next = next_facing(walk.next, record.x, facing); walk.next < walk.end;
-                 walk.next = next_facing(walk.next + 1u, record.x, facing)) {
+            for (walk.next = next_facing(walk.next, record.x, facing_mask); walk.next < walk.end;
+                 walk.next = next_facing(walk.next + 1u, record.x, facing_mask)) {
                 uvec2 entry = fetch_source(cell_triangles_tex, list_texel(walk.next)).rg;
                 uint index = triangle_number(entry);
                 Triangle t = in_level(fetch_listed(entry), level);
                 vec3 n = cross(t.edge_1, t.edge_2);
                 float distance;
-                bool met = dominant_axis(n) == axis && meets(start, direction, t, column_low, column_high, beyond, distance);
+                bool met = faces_along(walk.next, record.x, axis) &&
+                           meets(start, direction, t, column_low, column_high, beyond, distance);
                 consider(top, met, n[axis] < 0.0, distance, index, walk.next);
                 consider(bottom, met, n[axis] > 0.0, -distance, index, walk.next);
             }
@@ -284,7 +302,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         plus_start = !misses_plus ? plus_start : (has_mean ? plus.position : another);
         minus_start = !misses_minus ? minus_start : (has_mean ? minus.position : another);
         uint end = record.x + (walked.y <= MOST_CLIPPED ? walked.y : 0u);
-        for (uint k = next_facing(record.x, record.x, facing); k < end; k = next_facing(k + 1u, record.x, facing)) {
+        for (uint k = next_facing(record.x, record.x, facing_mask); k < end; k = next_facing(k + 1u, record.x, facing_mask)) {
             uvec2 entry = fetch_source(cell_triangles_tex, list_texel(k)).rg;
             uint index = triangle_number(entry);
             Triangle t = in_level(fetch_listed(entry), level);
@@ -297,7 +315,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
             vec3 sums = overlap(a, b, c);
             sums = overlap_above_both(a, b, c, vec3(at_a.x, at_b.x, at_c.x), vec3(at_a.y, at_b.y, at_c.y), sums);
             vec3 middle = box_low + size * turn_back(vec3(clamp(sums.yz / sums.x, 0.0, 1.0), 0.0), axis);
-            bool is_there = dominant_axis(n) == axis && abs(sums.x) > LEAST_PART;
+            bool is_there = faces_along(k, record.x, axis) && abs(sums.x) > LEAST_PART;
             consider(largest_plus, is_there, n[axis] < 0.0, abs(sums.x), index, k);
             consider(largest_minus, is_there, n[axis] > 0.0, abs(sums.x), index, k);
             plus_start = misses_plus && largest_plus.triangle == index ? middle : plus_start;
@@ -310,13 +328,13 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         ListWalk walk = begin_lines(walked, min(one, other), max(one, other), corner, axis);
         do {
             next_run(walk, 1e30);
-            for (walk.next = next_facing(walk.next, record.x, facing); walk.next < walk.end;
-                 walk.next = next_facing(walk.next + 1u, record.x, facing)) {
+            for (walk.next = next_facing(walk.next, record.x, facing_mask); walk.next < walk.end;
+                 walk.next = next_facing(walk.next + 1u, record.x, facing_mask)) {
                 uvec2 entry = fetch_source(cell_triangles_tex, list_texel(walk.next)).rg;
                 uint index = triangle_number(entry);
                 Triangle t = in_level(fetch_listed(entry), level);
                 vec3 n = cross(t.edge_1, t.edge_2);
-                bool is_ours = dominant_axis(n) == axis;
+                bool is_ours = faces_along(walk.next, record.x, axis);
                 float distance;
                 bool met = is_ours && misses_plus && meets(plus_start, direction, t, box_low, box_low + size, beyond, distance);
                 consider(above, met, n[axis] < 0.0, distance, index, walk.next);
@@ -401,23 +419,23 @@ void main()
         high[cut] = side == 0u ? place : high[cut];
     }
     FacingSums plus = NO_SUMS, minus = NO_SUMS;
-    uint facing;
+    uint facing_mask;
     if (is_shared && cut >= 0 && cut != int(axis)) {  // not inside the wall that the cell is cut along
-        sum_parts(record, uint(cut), plus, minus, facing);
+        sum_parts(record, uint(cut), plus, minus, facing_mask);
     }
     if (side == 1u && plus.area > 0u) {
         low[cut] = max(low[cut], corner[cut] + float(plus.position[cut]) / float(plus.area));
     } else if (side == 0u && minus.area > 0u) {
         high[cut] = min(high[cut], corner[cut] + float(minus.position[cut]) / float(minus.area));
     }
-    sum_parts(record, axis, plus, minus, facing);
+    sum_parts(record, axis, plus, minus, facing_mask);
     if (plus.area == 0u && minus.area == 0u) {
         plus.area = 1u;  // so little of a surface that it was rounded away: black, at the cell's corner
     }
     Face front = mean_face(plus, 2u * axis, corner);
     Face back = mean_face(minus, 2u * axis + 1u, corner);
     find_surfaces(front, back, record, int(axis), cell, level, corner, low, high, is_shared, plus.area > 0u,
-                  minus.area > 0u, beyond, facing);
+                  minus.area > 0u, beyond, facing_mask);
     // The side that nothing was made for is the back of a sheet: the same surface, turned over.
     if (plus.area == 0u) {
         front = turned_over(back);
