@@ -17,7 +17,7 @@ def shifts_of_runs(numbers: np.ndarray) -> np.ndarray:
     ``numbers``: (N,) uint32, what each number has become, NONE_INDEX where it is gone. Returns (runs,) uint32, NO_SHIFT
     for runs that differ. An edit shifts most numbers as it does their neighbours: so looked up, they stay in caches.
     """
-    shifts = numbers - np.arange(len(numbers), dtype=np.uint32)
+    shifts: np.ndarray = numbers - np.arange(len(numbers), dtype=np.uint32)
     shifts[numbers == interface.NONE_INDEX] = interface.NO_SHIFT
     firsts = shifts[:: interface.NUMBER_RUN]
     is_alike = np.ones(len(firsts) * interface.NUMBER_RUN, bool)
