@@ -36,11 +36,16 @@ FACING_MASK = 0xFFF
 #: Where the last two words of a cell's record begin to say which cells are hidden from its faces; below lies the number
 #: of its first face: a texture holds no longer lists.
 HIDDEN_SHIFT = 26
-#: In the last word of a cell's record: it is cut by the plane of a triangle (lib/cut.glsl).
+#: In the last word of a cell's record: not 0 where the cell is cut.
+CUT_BITS = 3 << 12
+#: And where it is cut by the plane of a triangle (lib/cut.glsl).
 CUT_IS_ASLANT = 1 << 25
 
 #: Most layers of surface that a face's weight tells apart; cones clamp opacity far below.
 MAX_FACE_WEIGHT = 16
+
+#: Where a cell has hardly any of a surface, what little there is tells nothing of the surface beside it.
+LEAST_WEIGHT = 1e-4
 
 #: About how many lights are asked for their shadows at a point, where there are more.
 LIGHT_PICKS = 16
@@ -81,6 +86,9 @@ BOXES_PER_16 = 3
 #: the longest lists whose cells are cut so.
 CUT_ENTRY_BITS = 11
 ASLANT_LIST = 1 << CUT_ENTRY_BITS
+
+#: Cells with no more triangles, and no cut, have programs of their own: a bit of a word for each triangle, no boxes.
+PLAIN_LIST = 32
 
 #: Triangles of a cell up to which one thread sums them up: software rasterizers end its loops after 65536 rounds.
 CROWD = 4096
@@ -344,6 +352,7 @@ def prelude() -> str:
         "NO_SHIFT": f"0x{NO_SHIFT:X}u",
         "FLAT_COSINE": FLAT_COSINE,
         "MAX_FACE_WEIGHT": f"{MAX_FACE_WEIGHT}.0",
+        "LEAST_WEIGHT": LEAST_WEIGHT,
         "LIGHT_PICKS": LIGHT_PICKS,
         "CHANGED_BOXES": CHANGED_BOXES,
         "LONG_LIST": f"{LONG_LIST}u",
@@ -352,6 +361,7 @@ def prelude() -> str:
         "BOXES_PER_16": f"{BOXES_PER_16}u",
         "CUT_ENTRY_BITS": CUT_ENTRY_BITS,
         "ASLANT_LIST": f"{ASLANT_LIST}u",
+        "PLAIN_LIST": f"{PLAIN_LIST}u",
         "CROWD": f"{CROWD}u",
         "CROWD_RUN": f"{CROWD_RUN}u",
         "CROWD_WORDS": f"{CROWD_WORDS}u",

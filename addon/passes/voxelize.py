@@ -513,28 +513,36 @@ class VoxelizePass:
         gpu, slot = self.gpu, interface.slot
         count = len(lists.records)
         assert lists.parts is not None
-        defines: dict[str, object] = {"HAS_BOXES": False, "HAS_ASLANT_CUTS": True}
+        defines = geometry.defines | {"HAS_BOXES": False, "HAS_ASLANT_CUTS": True}
         defines |= {"IS_CROWDED": False, "CROWD_STEP": 0}
-        kernel = gpu.kernel("voxel_cut", geometry.defines | defines)
-        cells = np.flatnonzero(~taken.stays if taken else np.ones(count, bool)).astype(np.uint32)
-        cells = cells[alike(lists.records[cells, 1])]
-        work = gpu.buffer("voxel work", cells)
-        self._temporary.append(work)
-        work.bind_to_storage_buffer(slot("BUF_WORK"))
-        kernel.set(**geometry.grid.level_uniforms, work_count=len(cells))
         geometry.bind_triangles(self.gpu)
         gpu.use_source(lists.cells, "TEX_CELLS")
         gpu.use_source(lists.triangles, "TEX_CELL_TRIANGLES")
         lists.parts.use(slot("TEX_PARTS"))
         positions.use(slot("TEX_CELL_POSITIONS"))
         lists.cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
-        kernel.run_list(len(cells))
-        crowded = lists.records[:, 1] > interface.CROWD
-        lists.crowded = np.flatnonzero(crowded & ~taken.stays if taken else crowded)
+
+        def words_after(kernel: Kernel, cells: np.ndarray) -> np.ndarray:
+            """Last words of all records, once the kernel has found those of some cells."""
+            cells = cells[alike(lists.records[cells, 1])]
+            work = gpu.buffer("voxel work", cells)
+            self._temporary.append(work)
+            work.bind_to_storage_buffer(slot("BUF_WORK"))
+            kernel.set(work_count=len(cells)).run_list(len(cells))
+            gpu.barrier()  # read back
+            return np.frombuffer(lists.cursors.read(), np.uint32)[:count]
+
+        made = ~taken.stays if taken else np.ones(count, bool)
+        is_crowded = lists.records[:, 1] > interface.CROWD
+        cells = np.flatnonzero(made & ~is_crowded).astype(np.uint32)
+        facings = words_after(gpu.kernel("voxel_walls", defines), cells)
+        cells = cells[facings[cells] == interface.NONE_INDEX]
+        if len(cells):
+            facings = words_after(gpu.kernel("voxel_cut", defines).set(**geometry.grid.level_uniforms), cells)
+        lists.crowded = np.flatnonzero(made & is_crowded)
         if len(lists.crowded):
             self._cut_crowded_cells(geometry, lists)
-        gpu.barrier()  # read back
-        facings = np.frombuffer(lists.cursors.read(), np.uint32)[:count]
+            facings = np.frombuffer(lists.cursors.read(), np.uint32)[:count]
         if taken:
             facings = taken.completed(facings, taken.records[:, 3])
         number_faces(lists.records, facings)
@@ -597,20 +605,25 @@ class VoxelizePass:
         defines = geometry.defines | {"HAS_SHADING_NORMALS": faces.shading is not None, "HAS_BOXES": lists.has_boxes}
         defines["HAS_ASLANT_CUTS"] = lists.has_aslant_cuts
 
-        def run(items: np.ndarray, **crowd: int) -> None:
+        def run(items: np.ndarray, *, is_plain: bool = False, **crowd: int) -> None:
             if len(items):
                 items = items[alike(lists.records[items & 0x1FFFFFFF, 1])]
                 work = gpu.buffer("voxel work", items)
                 self._temporary.append(work)
-                kernel = gpu.kernel("voxel_resolve", defines | {"IS_CROWDED": bool(crowd)})
+                kinds: dict[str, object] = {"IS_CROWDED": bool(crowd), "IS_PLAIN": is_plain}
+                kernel = gpu.kernel("voxel_resolve", defines | kinds | (plain if is_plain else {}))
                 kernel.set(**geometry.grid.uniforms, work_count=len(items), line_block=block, **crowd)
                 if lists.has_boxes:
                     kernel.set(box_first=len(lists.records))
                 work.bind_to_storage_buffer(slot("BUF_WORK"))
                 kernel.run_list(len(items))
 
+        plain: dict[str, object] = {"HAS_BOXES": False, "HAS_ASLANT_CUTS": False}
         cells = items & 0x1FFFFFFF
-        run(items[~np.isin(cells, lists.crowded)] if len(lists.crowded) else items)
+        lengths = lists.records[cells, 1]
+        are_plain = (facings[cells] & interface.CUT_BITS == 0) & (lengths <= interface.PLAIN_LIST)
+        run(items[are_plain], is_plain=True)
+        run(items[~are_plain & ~np.isin(cells, lists.crowded)] if len(lists.crowded) else items[~are_plain])
         if lists.crowd_sums is not None:
             lists.crowd_sums.bind_to_storage_buffer(slot("BUF_RESULTS"))
         for number, cell in enumerate(lists.crowded.tolist()):
@@ -625,9 +638,8 @@ class VoxelizePass:
         if taken and not moved:
             self.gpu.write_list(lists.cells, with_hidden_cells(lists.records, taken.hidden))
             return
-        facings = lists.records[:, 3]
-        pairs, _ = cell_axes(np.where(taken.is_beside, facings, np.uint32(0)) if taken else facings)
-        hidden = yield from find_hidden(self.gpu, voxels, positions, pairs)
+        asked = taken.is_beside if taken else None
+        hidden = yield from find_hidden(self.gpu, voxels, positions, lists.records[:, 3], asked)
         if taken:
             before = taken.completed(hidden, taken.hidden)
             hidden = np.where(taken.is_beside, hidden, before)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from addon.gpu.context import GpuContext
-from addon.passes.voxel_numbers import hidden_cells
+from addon.passes import neighbours
+from addon.passes.voxel_numbers import face_counts, hidden_cells
 from blender_tests.passes import scenes
 from blender_tests.passes.run import VoxelData, read_list, unit_grid, voxelized
 
@@ -61,6 +62,26 @@ def test_nothing_is_hidden_on_open_surfaces(gpu: GpuContext) -> None:
     for shape in (tilted, room):
         with voxelized(gpu, scenes.scene((shape, WHITE)), unit_grid(12)) as found:
             assert not hidden(found).any()
+
+
+def test_what_is_not_asked_about_is_not_hidden(monkeypatch: pytest.MonkeyPatch, gpu: GpuContext) -> None:
+    """All cells asked, as if something stood on each: the same is hidden. Slivers, which tell nothing, are asked."""
+    sliver = scenes.soup([[[2.0, 14.02, 12.3], [22.0, 14.03, 12.3], [2.0, 14.02, 12.30004]]])
+    shapes = [(sliver, WHITE, np.eye(4)),
+              (scenes.box((1.3, 1.4, 1.6), (22.7, 22.3, 22.6), inside_out=True), WHITE, np.eye(4)),
+              (scenes.box((5.2, 5.1, 1.5), (9.3, 9.9, 7.7)), WHITE, np.eye(4)),
+              (scenes.sphere(3.0), WHITE, scenes.at(16.2, 15.1, 8.3))]  # fmt: skip
+    with voxelized(gpu, scenes.scene(*shapes), unit_grid(24)) as found:
+        asked = hidden(found)
+        counts = face_counts(read_list(found.voxels.cells, len(found.cells), np.uint32)[:, 3])
+        weights = np.minimum.reduceat(found.faces["weight"], np.cumsum(counts, dtype=np.int64) - counts)
+        calm: list[np.ndarray] = []
+        find = neighbours.calm_cells
+        monkeypatch.setattr(neighbours, "calm_cells", lambda *of: calm.append(find(*of)) or np.zeros_like(calm[0]))
+        with voxelized(gpu, scenes.scene(*shapes), unit_grid(24)) as all_asked:
+            np.testing.assert_array_equal(hidden(all_asked), asked)
+    assert 0.2 < calm[0].mean() < 0.8
+    assert (calm[0] & asked.any(axis=1)).any() and (asked[calm[0]] != 0).sum() <= (weights < 1e-4).sum()
 
 
 def test_faces_stand_for_points_of_surfaces(gpu: GpuContext) -> None:

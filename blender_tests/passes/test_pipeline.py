@@ -375,8 +375,8 @@ def test_matte_cornell_box_needs_only_this(gpu: GpuContext) -> None:
         "visibility", "surface", "light shapes", "direct", "gather", "reconstruct", "film",
     }  # fmt: skip
     assert programs == {
-        "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_cut", "voxel_resolve",
-        "face_order", "neighbours", "inject", "link", "bounce", "partners", "share_faces",
+        "clear", "transform", "work", "voxel_pairs", "voxel_count", "voxel_accumulate", "voxel_walls", "voxel_cut",
+        "voxel_resolve", "face_order", "neighbours", "inject", "link", "bounce", "partners", "share_faces",
         "guide_light", "guide_collect", "guide_build", "pixel_bins",
         "surface", "light_shapes", "direct", "gather", "reconstruct", "compose", "film",
     }  # fmt: skip

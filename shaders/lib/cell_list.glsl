@@ -73,7 +73,7 @@ ListWalk begin_list(uvec4 record, vec3 from, vec3 inverse, vec3 slack)
 // On to the next run whose box the ray meets nearer than `limit`.
 void next_run(inout ListWalk walk, float limit)
 {
-    while (walk.next >= walk.end && walk.box < walk.box_end) {
+    if (walk.next >= walk.end && walk.box < walk.box_end) do {
         uvec4 box = fetch_source(cells_tex, list_texel(walk.box));
         vec3 to_low = (vec3(box.xyz & 0xFFFFu) * BOX_UNIT - walk.low_from) * walk.inverse;
         vec3 to_high = (vec3(box.xyz >> 16) * BOX_UNIT - walk.high_from) * walk.inverse;
@@ -86,7 +86,7 @@ void next_run(inout ListWalk walk, float limit)
         walk.box += is_met ? 1u : held;
         walk.next = is_met && is_run ? walk.first + BOX_RUN * (box.w & ~BOX_IS_RUN) : walk.next;
         walk.end = is_met && is_run ? min(walk.next + BOX_RUN, walk.last) : walk.end;
-    }
+    } while (walk.next >= walk.end && walk.box < walk.box_end);
 }
 
 bool has_runs(ListWalk walk)

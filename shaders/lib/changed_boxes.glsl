@@ -30,9 +30,10 @@ bool crosses_box(vec3 origin, vec3 direction, float limit, float margin)
     vec3 inverse = inverse_of(direction);
     bool meets_hull = crosses(hull_low - margin, hull_high + margin, origin, inverse, limit);
     bool found = meets_hull && box_count == 1;
-    for (int k = meets_hull && !found ? 0 : box_count; k < box_count; ++k) {
+    int k = 0;
+    if (meets_hull && !found) do {
         found = found || crosses(box_low[k] - margin, box_high[k] + margin, origin, inverse, limit);
-    }
+    } while (++k < box_count);
     return found;
 }
 

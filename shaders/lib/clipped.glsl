@@ -171,8 +171,7 @@ vec3 overlap_above_both(vec3 a, vec3 b, vec3 c, vec3 heights, vec3 others, vec3 
 {
     bool is_above = max_component(heights) > 0.0 && max_component(others) > 0.0;
     vec3 sums = is_above ? all : vec3(0.0);
-    // Not an `if`, whose inside software rasterizers always run.
-    for (bool cuts = is_above && (is_divided(heights) || is_divided(others)); cuts; cuts = false) {
+    if (is_above && (is_divided(heights) || is_divided(others))) {
         sums = overlap_of_divided(a, b, c, heights, others);
     }
     return sums;

@@ -84,15 +84,14 @@ Sides sides_of(uvec4 record, ivec3 cell, vec3 one, vec3 other, vec3 n)
     vec3 inside = place_in_cell(one, cell);
     float along = axis == 0 ? inside.x : (axis == 1 ? inside.y : inside.z);
     Sides sides = Sides(bvec2(axis >= 0 && along > cut_place(record)), bvec2(false), vec3(0.0));
-    // Loops, not `if`s: software rasterizers run the inside of an `if` whether it holds or not.
-    for (bool aslant = is_aslant(record); aslant; aslant = false) {
+    if (is_aslant(record)) {
         int level = level_of_cell(cell);
         vec3 first = one / level_side(level) + n * CUT_LIFT;
         vec3 second = other / level_side(level) + n * CUT_LIFT;
         CutPlane plane = listed_plane(cut_entry(record), level);
         sides.beyond = bvec2(height_above(plane, first) > 0.0, height_above(plane, second) > 0.0);
         sides.away = sides.beyond.x ? plane.normal : -plane.normal;
-        for (bool corners = is_corner(record); corners; corners = false) {
+        if (is_corner(record)) {
             CutPlane next = listed_plane(second_cut_entry(record), level);
             int facing = dominant_axis(n);
             bvec2 above = bvec2(height_above(next, first) > 0.0, height_above(next, second) > 0.0);

@@ -132,7 +132,8 @@ void visit_cells(uint triangle_index, uint item)
     // One loop, not one in another: threads side by side wait for each other once a cell, not once a column.
     int z = 0, z_end = -1;
     vec3 base = vec3(0.0);
-    for (int left = last - first; left > 0 || z <= z_end; ++z) {
+    int left = last - first;
+    do {
         if (z > z_end) {
             // Depth of the plane at the column's centre, and how far it can differ within the column.
             float z_mid = a.z + dot(slope, vec2(column) + 0.5 - a.xy);
@@ -152,10 +153,9 @@ void visit_cells(uint triangle_index, uint item)
         if (area == 0.0) {
             continue;
         }
-        // Where an outline passes a cell at a distance, its segments cancel but for their rounding. (A loop, not an
-        // `if`: software rasterizers run the inside of an `if` whether it holds or not.)
+        // Where an outline passes a cell at a distance, its segments cancel but for their rounding.
         bool apart = false;
-        for (bool unsure = area < 1e-4; unsure; unsure = false) {
+        if (area < 1e-4) {
             vec3 u = a - base, v = b - base, w = c - base;
             apart = is_apart(u.xy, v.xy, w.xy) || is_apart(u.yz, v.yz, w.yz) || is_apart(u.zx, v.zx, w.zx);
         }
@@ -172,5 +172,5 @@ void visit_cells(uint triangle_index, uint item)
         }
 #endif
         visit_cell(triangle_index, t, to_stack(cell, level), area * area_scale, turn_back(at, axis) - vec3(cell), normal);
-    }
+    } while (++z <= z_end || left > 0);
 }

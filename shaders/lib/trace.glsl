@@ -100,7 +100,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
     float t_exit = t;
     vec3 along = mix(inverse, -inverse, turned);
     vec3 slack = vec3(list_slack(origin));
-    while (inside) {
+    do {
         bool occupied = false;
         uvec4 brick = uvec4(0u);
         uint bit = 0u;
@@ -164,7 +164,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
 #endif
         do {
             next_run(walk, hit.distance);
-            while (walk.next < walk.end) {
+            if (walk.next < walk.end) do {
                 uvec2 entry = fetch_source(cell_triangles_tex, list_texel(walk.next)).rg;
                 uvec3 words;
                 vec3 corner, e1, e2;
@@ -206,10 +206,10 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
                 if (met && any_hit) {
                     end_list(walk);
                 }
-            }
+            } while (walk.next < walk.end);
         } while (has_runs(walk));
         inside = inside && hit.distance > t_exit && !(any_hit && nearest.x != NONE_INDEX);
-    }
+    } while (inside);
     if (nearest.x != NONE_INDEX) {
         hit.triangle = triangle_number(nearest);
         uvec3 words;

@@ -47,14 +47,15 @@ void main()
 #if !FIRST
     vec3 sum = vec3(0.0);
     uint quads = link_count / 4u;
-    for (uint q = 0u; q < quads; ++q) {
+    uint q = 0u;
+    do {
         uvec4 links = texelFetch(links_tex, list_texel(face * quads + q), 0);
         for (int k = 0; k < 4; ++k) {
             uint linked = links[k] & LINK_FACE_MASK;
             vec3 light = unpack_light(radiance[min(linked, face_count - 1u)]);
             sum += linked == LINK_FACE_MASK ? vec3(0.0) : light;
         }
-    }
+    } while (++q < quads);
     incoming += sum / float(link_count);
 #endif
 #if !LAST

@@ -229,9 +229,10 @@ void add_lights(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, ivec2 at, i
 void add_lights(Pixel p, vec3 origin, vec3 view, vec3 glossy_normal, ivec2 at, inout vec3 diffuse, inout vec3 glossy)
 {
     uint seed = hash(uint(at.x) | uint(at.y) << 16, random_seed);
-    for (uint k = 0u; k < light_count; ++k) {
+    uint k = 0u;
+    do {
         add_light(p, origin, view, glossy_normal, seed, k, 1.0, diffuse, glossy);
-    }
+    } while (++k < light_count);
 }
 #endif
 #endif

@@ -119,7 +119,8 @@ void main()
 #if HAS_GUIDES
         Guide guide = guide_at(p.position, p.geometric_normal);
 #endif
-        for (uint k = 0u; k < ray_count; ++k) {
+        uint k = 0u;
+        do {
             uint index = sample_index * ray_count + k;
 #if HAS_GUIDES
             Drawn drawn = draw(p, guide, index, seed, shift);
@@ -133,7 +134,7 @@ void main()
                 glow += drawn.weight * found.glow;
                 nearness += drawn.weight / max(found.distance, 1e-3);
             }
-        }
+        } while (++k < ray_count);
         float share = 1.0 / float(ray_count);
         bounced *= share;
         emitted *= share;

@@ -52,7 +52,8 @@ void main()
         if (face == NONE_INDEX) {
             break;
         }
-        for (uint q = 0u; q < link_count / 4u; ++q) {
+        uint q = 0u;
+        do {
             uvec4 links = texelFetch(links_tex, list_texel(face * (link_count / 4u) + q), 0);
             for (int k = 0; k < 4; ++k) {
                 uint linked = linked_face(links[k]);
@@ -67,7 +68,7 @@ void main()
                     bins[bin] += vec2(light, 1.0);
                 }
             }
-        }
+        } while (++q < link_count / 4u);
     }
     for (int k = 0; k < bin_count / 2; ++k) {
         imageStore(bins_img, list_texel(number * uint(GUIDE_BINS / 2) + uint(k)), vec4(bins[2 * k], bins[2 * k + 1]));

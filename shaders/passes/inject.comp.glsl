@@ -91,7 +91,9 @@ Site site_point(Site site, uint k)
     float size = length(shift);
     vec3 origin = site.origin;
     vec3 direction = shift / max(size, 1e-6);
-    for (int look = 0; look < 2 && k > 0u; ++look) {  // along the surface, where nothing shall be; down, where it is
+    // Along the surface, where nothing shall be; down, where it is.
+    int look = 0;
+    if (k > 0u) do {
         float reach = look == 0 ? size : 2.0 * RAY_START * side;
         bool blocked = is_shadowed(origin, direction, is_there ? reach : -1.0, hash(site.seed, k));
 #if FINDS_CHANGED
@@ -100,7 +102,7 @@ Site site_point(Site site, uint k)
         is_there = is_there && blocked == (look == 1);
         origin = site.origin + shift;
         direction = -site.normal;
-    }
+    } while (++look < 2);
     uint face = k == 0u || is_there ? site.face : NONE_INDEX;
     uint seed = k == 0u ? site.seed : hash(site.seed, k);
     return Site(face, site.facing, seed, site.position + shift, origin, site.normal, site.shading_normal);
@@ -135,7 +137,8 @@ vec3 light_from_light(Site site, uint k, Light light, uint points)
 {
     uint seed = hash(site.seed + k, random_seed);
     vec3 sum = vec3(0.0);
-    for (uint i = 0u; i < points; ++i) {
+    uint i = 0u;
+    if (points > 0u) do {
         LightSample s = sample_light(light, site.position, sample_2d(i, seed));
         float cosine = dot(site.shading_normal, s.direction);
         if (cosine <= 0.0 || max_component(s.irradiance) <= 0.0 || !leaves_surface(site, s.direction)) {
@@ -145,7 +148,7 @@ vec3 light_from_light(Site site, uint k, Light light, uint points)
         start_at(site.origin, site.position, s.direction, s.distance);
         bool shaded = traces && shades(site.origin, s.direction, s.distance, hash(seed, i));
         sum += shaded ? vec3(0.0) : s.irradiance * cosine;
-    }
+    } while (++i < points);
     return sum / float(max(points, 1u));
 }
 
@@ -188,11 +191,12 @@ vec3 light_from_lights(Site site)
 vec3 light_from_lights(Site site)
 {
     vec3 irradiance = vec3(0.0);
-    for (uint k = 0u; k < light_count; ++k) {
+    uint k = 0u;
+    do {
         Light light = fetch_light(lights_tex, k);
         bool is_received = (light.flags & RAY_DIFFUSE) != 0u && !lies_behind(site, light);
         irradiance += light_from_light(site, k, light, is_received ? light_points(site, light) : 0u);
-    }
+    } while (++k < light_count);
     return irradiance;
 }
 #endif
@@ -203,7 +207,8 @@ vec3 light_from_emitters(Site site)
 {
     vec3 irradiance = vec3(0.0);
     uint seed = hash(site.seed + 0x68E31Du, random_seed);
-    for (uint i = 0u; i < uint(emitter_samples); ++i) {
+    uint i = 0u;
+    do {
         EmitterSample s = sample_emitter(site.position, sample_2d(i, seed), hash(seed, i));
         float cosine = dot(site.shading_normal, s.direction);
         float density = emitter_samples * s.density;
@@ -215,7 +220,7 @@ vec3 light_from_emitters(Site site)
         bool blocked = shades(site.origin, s.direction, s.distance, hash(seed, i + 0x517CC1u));
         float weight = mis_weight(density, link_count * cosine / PI);
         irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
-    }
+    } while (++i < uint(emitter_samples));
     return irradiance;
 }
 #endif
@@ -225,7 +230,8 @@ vec3 light_from_world(Site site)
 {
     vec3 irradiance = vec3(0.0);
     uint seed = hash(site.seed + 0x2C1B3Cu, random_seed);
-    for (uint i = 0u; i < uint(world_samples); ++i) {
+    uint i = 0u;
+    do {
         WorldSample s = sample_world(sample_2d(i, seed), hash(seed, i));
         float cosine = dot(site.shading_normal, s.direction);
         if (cosine <= 0.0 || s.density <= 0.0 || !leaves_surface(site, s.direction)) {
@@ -235,7 +241,7 @@ vec3 light_from_world(Site site)
         float density = world_samples * s.density;
         float weight = mis_weight(density, link_count * cosine / PI);
         irradiance += blocked ? vec3(0.0) : s.radiance * (cosine * weight / density);
-    }
+    } while (++i < uint(world_samples));
     return irradiance;
 }
 #endif
@@ -251,7 +257,7 @@ void main()
     uint reach = texelFetch(reach_tex, nearest_cell(place) / BRICK, 0).r;
     face = number < face_count ? face : NONE_INDEX;
     Site site = Site(face, ordered >> FACING_SHIFT, 0u, vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
-    for (bool unsure = reach != 0u; unsure; unsure = false) {  // not an `if`, whose inside software rasterizers always run
+    if (reach != 0u) {
         site = site_of_thread();
     }
 #else
@@ -267,7 +273,8 @@ void main()
 #else
     uint end = point_count;
 #endif
-    for (uint k = 0u; k < end; ++k) {
+    uint k = 0u;
+    if (k < end) do {
         Site point = site_point(site, k);
         if (point.face == NONE_INDEX) {
             continue;
@@ -282,7 +289,7 @@ void main()
 #if WORLD_IS_DRAWN
         irradiance += light_from_world(point);
 #endif
-    }
+    } while (++k < end);
 #if FINDS_CHANGED
     uint before = number_before(site.face);
     if (has_changed || before == NONE_INDEX) {

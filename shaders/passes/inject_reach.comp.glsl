@@ -33,7 +33,8 @@ void main()
     float half_brick = HALF_BRICK * side;
     bool crosses = crosses_box(centre, vec3(0.0, 0.0, 1.0), 0.0, half_brick);  // where points of a face lie, for one
     uint end = (record.x | record.y) != 0u ? light_count : 0u;
-    for (uint k = 0u; k < end; ++k) {
+    uint k = 0u;
+    if (k < end) do {
         Light light = fetch_light(lights_tex, k);
         vec3 to_light = light.position_grid - centre;
         float reach = max(length(to_light), 1e-6);
@@ -46,6 +47,6 @@ void main()
         }
         bool asks = (light.flags & LIGHT_CASTS_SHADOW) != 0u && (light.flags & RAY_DIFFUSE) != 0u;
         crosses = crosses || (asks && crosses_box(centre, direction, reach + margin, margin));
-    }
+    } while (++k < end);
     imageStore(reach_img, brick, uvec4(crosses ? 1u : 0u));
 }

@@ -44,7 +44,8 @@ void main()
     uvec2 shift = link_shift(site.origin, site.normal, random_seed);
     uvec4 links;
     vec3 straight = vec3(0.0);
-    for (uint k = link_first; k < link_end; ++k) {
+    uint k = link_first;
+    do {
         vec3 direction;
         bool leaves = link_ray(site, k, shift, seed, direction);
         Hit hit = trace(site.origin, direction, leaves ? 1e30 : -1.0, RAY_DIFFUSE, false, hash(seed, k));
@@ -71,7 +72,7 @@ void main()
         if ((k & 3u) == 3u) {
             imageStore(link_img, list_texel((site.face * link_count + k) / 4u), links);
         }
-    }
+    } while (++k < link_end);
 #if HAS_WORLD || HAS_EMITTERS
     straight = finite_or_zero(straight / float(link_count));
     if (link_first > 0u) {

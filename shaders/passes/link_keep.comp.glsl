@@ -38,15 +38,15 @@ void main()
     uint seed = hash(site.seed, random_seed);
     uvec2 shift = link_shift(site.origin, site.normal, random_seed);
     uint quads = link_count / 4u;
-    for (uint q = 0u; q < (before == NONE_INDEX ? 0u : quads); ++q) {
+    uint q = 0u;
+    if (before != NONE_INDEX) do {
         uvec4 links = texelFetch(links_before_tex, list_texel(before * quads + q), 0);
-        // Loops, not `if`s, below: software rasterizers run the inside of an `if` whether it holds or not.
         for (int k = 0; k < 4; ++k) {
             uint linked = linked_face(links[k]);
             uint asked = linked == NONE_INDEX ? 0u : linked;
             uint shift_of_run = numbers_now[asked / NUMBER_RUN];
             uint number = asked + shift_of_run;
-            for (bool differ = shift_of_run == NO_SHIFT; differ; differ = false) {
+            if (shift_of_run == NO_SHIFT) {
                 number = numbers_now[run_count + asked];
             }
             number = linked == NONE_INDEX ? NONE_INDEX : number;
@@ -54,10 +54,11 @@ void main()
             links[k] = (links[k] & ~LINK_FACE_MASK) | (number & LINK_FACE_MASK);
         }
         imageStore(link_img, list_texel(site.face * quads + q), links);
-        for (uint k = may_cross && !has_changed ? 0u : 4u; k < 4u; ++k) {
+        uint k = 0u;
+        if (may_cross && !has_changed) do {
             vec3 direction;
             bool leaves = link_ray(site, 4u * q + k, shift, seed, direction);
-            for (bool unsure = leaves && crosses_hull(site.origin, direction); unsure; unsure = false) {
+            if (leaves && crosses_hull(site.origin, direction)) {
                 uint number = linked_face(links[k]);
                 vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(number == NONE_INDEX ? 0u : number), 0).xyz);
                 // 2: diagonals of cubes, or the wider cells beside
@@ -65,8 +66,8 @@ void main()
                 float limit = number == NONE_INDEX ? 1e30 : distance(place, site.origin) + farthest;
                 has_changed = has_changed || crosses_box(site.origin, direction, limit, 0.0);
             }
-        }
-    }
+        } while (++k < 4u);
+    } while (++q < quads);
     if (has_changed) {
         list_changed(site.face, site.facing);
         return;

@@ -35,9 +35,6 @@ bool is_plain_between(ivec3 one, ivec3 other)
     return is_plain_so_far;
 }
 
-// Where a cell has hardly any of a surface, what little there is tells nothing of the surface beside it.
-const float LEAST_WEIGHT = 1e-4;
-
 // Few of the faces around one have to be looked for by a ray. A group lists them, so that its threads take them in turn: what
 // thread (eight bits), what step from its face, and the face there.
 const uint ASKS = uint(GROUP_SIZE) * 4u;
@@ -77,7 +74,7 @@ bool is_told(uvec2 ask)
     fetch_face_place(face_of[thread], position, normal);
     uvec2 bits = bits_of_step(normal, neighbour_step(k));
     bool told = (found_of[thread] & (bits.x | bits.y)) != 0u;
-    for (bool asks_back = !told && is_later(k); asks_back; asks_back = false) {
+    if (!told && is_later(k)) {
         FoundFace back = face_beside(surroundings(ask.y), -neighbour_step(k));
         told = back.cell == unpack_cell(cell_of[thread]) && back.bit != NONE_INDEX && back.bit / 6u == side_of[thread];
     }
@@ -126,13 +123,14 @@ void list_asks(uint thread, uint number)
     bool stands_alone = is_plain(record);
     bool is_open = stands_alone;  // nothing stands on the cell, nor on those beside it, where the surface goes on in them
     int axis_of_normal = dominant_axis(around.normal);
-    for (int k = 0; k < 8; ++k) {
+    int k = 0;
+    do {
         FoundFace beside = face_beside(around, neighbour_step(k));
         bool is_there = beside.bit != NONE_INDEX && all(lessThan(abs(beside.cell - cell), ivec3(2)));
         bool goes_on = beside.cell[axis_of_normal] == cell[axis_of_normal] && is_plain(beside.record);
         bool is_clear = is_open && goes_on;
         bool may_be_clear = is_there && !is_clear && stands_alone && is_plain(beside.record);
-        for (; may_be_clear; may_be_clear = false) {
+        if (may_be_clear) {
             is_clear = is_plain_between(cell, beside.cell);
         }
         is_open = is_open && (k >= 4 || goes_on);
@@ -144,7 +142,7 @@ void list_asks(uint thread, uint number)
                 asked_across[atomicAdd(asked_across_count, 1u)] = ask;
             }
         }
-    }
+    } while (++k < 8);
 }
 
 // All threads of the group come here; what they have shared is there for the others.

@@ -27,7 +27,7 @@ Here find_here(Surroundings around)
 {
     FoundFace found = find_face(cell_at(around.position), around.normal, around.position, true);
     Here here = Here(found, CutPlane(vec3(0.0), vec3(0.0), 0));
-    for (bool aslant = is_aslant(found.record); aslant; aslant = false) {
+    if (is_aslant(found.record)) {
         here.cut = listed_plane(cut_entry(found.record), around.level);
     }
     return here;
@@ -55,11 +55,12 @@ void main()
     Surroundings around = surroundings(face);
     Here here = find_here(around);
     uint partners = 0u;
-    for (int k = 0; k < 8; ++k) {
+    int k = 0;
+    do {
         FoundFace beside = face_beside(around, neighbour_step(k));
         uint other = face_number(beside);
         bool shares = other != NONE_INDEX && !is_hidden(here.found, beside) && is_alike(around, here, other);
         partners |= shares ? beside.bit + 1u << 4 * k : 0u;
-    }
+    } while (++k < 8);
     imageStore(partners_img, list_texel(face), uvec4(partners));
 }

@@ -26,7 +26,8 @@ uniform float max_distance;  // cells
 float free_share(Pixel p, vec3 origin, uvec2 shift, uint seed)
 {
     float all = 0.0, free = 0.0;
-    for (uint i = 0u; i < light_count; ++i) {
+    uint i = 0u;
+    do {
         Light light = fetch_light(lights_tex, i);
         LightSample s = sample_light(light, p.position, sample_2d(sample_index, shift + hash(i)));
         float value = luminance(s.irradiance);
@@ -36,20 +37,21 @@ float free_share(Pixel p, vec3 origin, uvec2 shift, uint seed)
             start_at(origin, p.position, s.direction, s.distance);
             free += casts && is_blocked(origin, s.direction, s.distance - ray_start(p.position), hash(seed, i)) ? 0.0 : value;
         }
-    }
+    } while (++i < light_count);
     return all > 0.0 ? free / all : 0.0;
 }
 #else
 float free_share(Pixel p, vec3 origin, uvec2 shift, uint seed)
 {
     float free = 0.0;
-    for (uint k = 0u; k < ray_count; ++k) {
+    uint k = 0u;
+    do {
         uint index = sample_index * ray_count + k;
         vec3 direction = sample_cosine(p.normal, sample_2d(index, shift));
         bool leaves = dot(direction, p.geometric_normal) > 0.0;
         uint met = leaves ? trace(origin, direction, max_distance, RAY_DIFFUSE, true, hash(seed, index)).triangle : 0u;
         free += met == NONE_INDEX ? 1.0 : 0.0;
-    }
+    } while (++k < ray_count);
     return free / float(ray_count);
 }
 #endif

@@ -150,7 +150,8 @@ void main()
             float density = only_rays ? 1e30 : ggx_density(normal, view, direction, alpha);
             Incoming found = incoming_from(hit, origin, direction, density, hash(seed, 5u + sample_index));
 #if HAS_LIGHTS
-            for (uint k = 0u; k < light_count; ++k) {
+            uint k = 0u;
+            do {
                 float light_distance;
                 Light light = fetch_light(lights_tex, k);
                 if ((light.flags & ray_mask) != 0u) {
@@ -167,7 +168,7 @@ void main()
                         hit.triangle = NONE_INDEX;
                     }
                 }
-            }
+            } while (++k < light_count);
 #endif
 #if HAS_LAYERS
             if (hit.triangle != NONE_INDEX && hit.distance < reach) {

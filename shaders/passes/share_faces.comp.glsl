@@ -28,13 +28,14 @@ void main()
     uint partners = texelFetch(partners_tex, list_texel(face), 0).r;
     vec3 own = face_radiance(face);
     vec3 incoming = own;
-    for (int k = 0; k < 8; ++k) {
+    int k = 0;
+    do {
         uint code = partners >> 4 * k & 15u, bit = max(code, 1u) - 1u;
         uvec4 record = record_of(cell_at(place_beside(around, neighbour_step(k))));
         bool is_there = code != 0u && (record.w >> bit & 1u) != 0u;
         uint other = is_there ? face_index(record, bit) : face;
         incoming += (k < 4 ? 2.0 : 1.0) / 16.0 * (face_radiance(other) - own);
-    }
+    } while (++k < 8);
 #if HAS_INJECTED
     incoming += unpack_light(texelFetch(face_irradiance_tex, list_texel(face), 0).rg);
 #endif

@@ -5,17 +5,17 @@
 // also tells on which side of it a point lies.
 // IS_CROWDED: of one crowded cell, in steps (CROWD_STEP): three in which threads sum up runs of its list, each of which
 // needs what the one before found, and one in which a single thread does the rest.
-// Input: which cells, their parts and triangles.    Output: for each cell the last word of its record (lib/grid.glsl).
+// Input: which cells, of those that may be cut (pass voxel_walls), their parts and triangles.
+//   Output: for each cell the last word of its record (lib/grid.glsl).
 
 #include "lib/clipped.glsl"
 #include "lib/cut.glsl"
-#include "lib/part.glsl"
+#include "lib/walls.glsl"
 #include "lib/crowd.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
-layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cells { uint cells[]; };
 #if !IS_CROWDED
 layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cells
@@ -27,9 +27,7 @@ uniform uint crowd_cell;
 uniform uint work_count;
 #endif
 
-// Areas in sides of cells. What is smaller is not worth faces of its own.
-const float LEAST_AREA = 0.3;
-// And on a side of a cell that is cut anyway.
+// Areas in sides of cells. What is smaller is not worth faces of its own, on a side of a cell that is cut anyway.
 const float SIDE_AREA = 0.1;
 // A wall, whose plane is noted though nothing lies behind it.
 const float WALL_AREA = 0.25;
@@ -48,63 +46,6 @@ void bounds_inside(Triangle t, vec3 corner, out vec3 low, out vec3 high)
     high = clamp(a + max(vec3(0.0), max(t.edge_1, t.edge_2)), 0.0, 1.0);
 }
 
-// All ones for the axis of a facing.
-uvec3 axis_mask(uint facing)
-{
-    return uvec3(equal(uvec3(0u, 1u, 2u), uvec3(facing >> 1))) * 0xFFFFFFFFu;
-}
-
-// Area, and area x place along the axis, of the facings.
-struct Areas {
-    uvec3 plus, minus, plus_place, minus_place;
-    uint axes;  // that surfaces face, a bit each
-};
-
-Areas sum_areas(uint first, uint end)
-{
-    Areas sums = Areas(uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u), 0u);
-    for (uint k = first; k < end; ++k) {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
-        uvec3 mask = axis_mask(part.facing);
-        bool is_minus = (part.facing & 1u) != 0u;
-        sums.plus += is_minus ? uvec3(0u) : part.area & mask;
-        sums.minus += is_minus ? part.area & mask : uvec3(0u);
-        sums.plus_place += is_minus ? uvec3(0u) : part.position & mask;
-        sums.minus_place += is_minus ? part.position & mask : uvec3(0u);
-        sums.axes |= 1u << (part.facing >> 1);
-    }
-    return sums;
-}
-
-struct Walls {
-    bool is_single;    // all surfaces face the same axis
-    bool may_be_cut;
-    vec3 plus_mean, minus_mean, middle;
-    vec3 gap;          // air: surfaces that face each other
-    vec3 place;        // of a wall across each axis
-    vec3 area;
-};
-
-Walls find_walls(Areas sums)
-{
-    Walls walls;
-    walls.is_single = bitCount(sums.axes) < 2;
-    walls.area = vec3(max(sums.plus, sums.minus)) / FIXED_ONE;
-    walls.plus_mean = vec3(sums.plus_place) / max(vec3(sums.plus), 1.0);
-    walls.minus_mean = vec3(sums.minus_place) / max(vec3(sums.minus), 1.0);
-    walls.gap = vec3(min(sums.plus, sums.minus)) * vec3(greaterThan(walls.minus_mean, walls.plus_mean)) / FIXED_ONE;
-    walls.may_be_cut = !walls.is_single || max_component(walls.gap) > LEAST_AREA ||
-                       max_component(walls.area) > 1.0 + LEAST_AREA;
-    // In the middle between their sides, where they have two.
-    walls.middle = 0.5 * (walls.plus_mean + walls.minus_mean);
-    walls.place = mix(walls.minus_mean, walls.plus_mean, greaterThanEqual(sums.plus, sums.minus));
-    for (int a = 0; a < 3; ++a) {
-        bool has_two = sums.plus[a] > 0u && sums.minus[a] > 0u && walls.minus_mean[a] < walls.plus_mean[a];
-        walls.place[a] = has_two ? walls.middle[a] : walls.place[a];
-    }
-    return walls;
-}
-
 // What lies beyond a wall in each axis, of the surfaces that face the other axes; and areas seen along the axes.
 struct Seen {
     uvec3 beyond_x, beyond_y, beyond_z, plus, minus;
@@ -113,7 +54,8 @@ struct Seen {
 Seen sum_seen(uint first, uint end, vec3 wall, vec3 corner, int level)
 {
     Seen seen = Seen(uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u));
-    for (uint k = first; k < end; ++k) {
+    uint k = first;
+    if (k < end) do {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
         Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
         uvec3 mask = axis_mask(part.facing);
@@ -129,7 +71,7 @@ Seen sum_seen(uint first, uint end, vec3 wall, vec3 corner, int level)
         bool is_minus = (part.facing & 1u) != 0u;
         seen.plus += is_minus ? uvec3(0u) : across;
         seen.minus += is_minus ? across : uvec3(0u);
-    }
+    } while (++k < end);
     return seen;
 }
 
@@ -191,7 +133,8 @@ SideAreas sum_sides(uint first, uint end, Cut cut, vec3 corner, int level)
 {
     SideAreas sides = SideAreas(uvec3(0u), uvec3(0u));
     float place = float(cut.units) / CUT_UNITS;
-    for (uint k = first; k < end; ++k) {
+    uint k = first;
+    if (k < end) do {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
         Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
         uvec3 mask = axis_mask(part.facing);
@@ -204,7 +147,7 @@ SideAreas sum_sides(uint first, uint end, Cut cut, vec3 corner, int level)
         uint beyond = uint(share * float(part.area) + 0.5);
         sides.far += beyond & mask;
         sides.near += (part.area - min(part.area, beyond)) & mask;
-    }
+    } while (++k < end);
     return sides;
 }
 
@@ -229,7 +172,8 @@ uvec3 find_largest(uint first, uint end)
 {
     uvec3 area = uvec3(0u), entry = uvec3(NONE_INDEX);
     uvec2 listed[3] = uvec2[3](uvec2(0u), uvec2(0u), uvec2(0u));
-    for (uint k = first; k < end; ++k) {
+    uint k = first;
+    if (k < end) do {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
         uvec2 at = fetch_source(cell_triangles_tex, list_texel(k)).rg;
         for (uint a = 0u; a < 3u; ++a) {
@@ -239,7 +183,7 @@ uvec3 find_largest(uint first, uint end)
             entry[a] = is_larger ? k : entry[a];
             listed[a] = is_larger ? at : listed[a];
         }
-    }
+    } while (++k < end);
     return entry;
 }
 
@@ -270,7 +214,7 @@ float share_above(CutPlane plane, Triangle t, int axis, vec3 corner)
     vec3 a = t.corner, b = a + t.edge_1, c = a + t.edge_2;
     vec3 heights = vec3(height_above(plane, a), height_above(plane, b), height_above(plane, c));
     float share = max_component(heights) > 0.0 ? 1.0 : 0.0;
-    for (bool unsure = is_divided(heights); unsure; unsure = false) {
+    if (is_divided(heights)) {
         a = turn(a - corner, axis);
         b = turn(b - corner, axis);
         c = turn(c - corner, axis);
@@ -284,7 +228,8 @@ float share_above(CutPlane plane, Triangle t, int axis, vec3 corner)
 SideAreas sum_sides_of(CutPlane plane, int axis, uint first, uint end, vec3 corner, int level)
 {
     SideAreas sides = SideAreas(uvec3(0u), uvec3(0u));
-    for (uint k = first; k < end; ++k) {
+    uint k = first;
+    if (k < end) do {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
         Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
         vec3 n = normalize(cross(t.edge_1, t.edge_2));
@@ -292,14 +237,14 @@ SideAreas sum_sides_of(CutPlane plane, int axis, uint first, uint end, vec3 corn
         vec3 middle = corner + vec3(part.position) / max(float(part.area), 1.0);
         middle[facing] -= dot(n, middle - t.corner) / n[facing];  // sums are rounded
         float share = height_above(plane, middle + n * CUT_LIFT) > 0.0 ? 1.0 : 0.0;
-        for (bool is_across = facing != axis; is_across; is_across = false) {
+        if (facing != axis) {
             share = share_above(plane, t, facing, corner);
         }
         uint beyond = uint(share * float(part.area) + 0.5);
         uvec3 mask = axis_mask(part.facing);
         sides.far += beyond & mask;
         sides.near += (part.area - min(part.area, beyond)) & mask;
-    }
+    } while (++k < end);
     return sides;
 }
 
@@ -310,7 +255,8 @@ void find_aslant_cut(inout Cut cut, inout SideAreas sides, uvec3 entries, vec3 r
 {
     float most = max(cut.gain, NOTED_AREA);
     float noted = cut.gain > 0.0 ? 1e30 : (cut.axis >= 0 ? walls.area[cut.axis] : NOTED_AREA);
-    for (uint axes = axis_bits(greaterThan(rise, vec3(0.0))); axes != 0u; axes &= axes - 1u) {
+    uint axes = axis_bits(greaterThan(rise, vec3(0.0)));
+    if (axes != 0u) do {
         int a = findLSB(axes);
         SideAreas found = sum_sides_of(listed_plane(entries[a], level), a, first, end, corner, level);
         uvec3 both = min(found.near, found.far);
@@ -324,7 +270,8 @@ void find_aslant_cut(inout Cut cut, inout SideAreas sides, uvec3 entries, vec3 r
             cut = Cut(a, 0u, most, cut.gains, true, ONE_CUT << 12 | (entries[a] - first) << 14 | CUT_IS_ASLANT);
             sides = found;
         }
-    }
+        axes &= axes - 1u;
+    } while (axes != 0u);
 }
 
 // Where walls meet, a second plane: each side's faces are for the larger part, before or beyond it. Of what faces the third
@@ -334,20 +281,22 @@ void find_second_cut(inout Cut cut, uvec3 entries, Walls walls, uint first, uint
     CutPlane plane = listed_plane(entries[cut.axis], level);
     float most = NOTED_AREA;
     uint others = axis_bits(lessThan(entries, uvec3(end))) & ~(1u << cut.axis);
-    for (uint axes = others & axis_bits(greaterThan(cut.gains, vec3(NOTED_AREA))); axes != 0u; axes &= axes - 1u) {
+    uint axes = others & axis_bits(greaterThan(cut.gains, vec3(NOTED_AREA)));
+    if (axes != 0u) do {
         int a = findLSB(axes);
         CutPlane next = listed_plane(entries[a], level);
         uvec3 areas = uvec3(0u);  // beyond the first, beyond the second, beyond both
         uint all = 0u;
-        for (uint k = first; k < end; ++k) {
+        uint k = first;
+        if (k < end) do {
             Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
             int facing = int(part.facing >> 1);
-            for (bool is_across = facing != cut.axis && facing != a; is_across; is_across = false) {
+            if (facing != cut.axis && facing != a) {
                 Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
                 areas += uvec3(shares_above(plane, next, t, facing, corner) * float(part.area) + 0.5);
                 all += part.area;
             }
-        }
+        } while (++k < end);
         // Before the first plane, and beyond it: what lies beyond the second, and what lies before.
         vec2 beyond = vec2(float(areas.y) - float(areas.z), float(areas.z)) / FIXED_ONE;
         vec2 before = vec2(float(all) - float(areas.x), float(areas.x)) / FIXED_ONE - beyond;
@@ -359,7 +308,8 @@ void find_second_cut(inout Cut cut, uvec3 entries, Walls walls, uint first, uint
             uint both_entries = (entries[cut.axis] - first) << 14 | (entries[a] - first) << 19;
             cut.word = field << 12 | both_entries | near << 24 | CUT_IS_ASLANT;
         }
-    }
+        axes &= axes - 1u;
+    } while (axes != 0u);
 }
 #endif
 
@@ -432,19 +382,16 @@ void main()
     number = work[number];
     uvec4 record = fetch_source(cells_tex, list_texel(number));
     uint first = record.x, end = record.x + record.y;
-    if (record.y > CROWD) {
-        return;
-    }
     ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(number), 0).r);
     int level = level_of_cell(cell);
     vec3 corner = vec3(from_stack(cell, level));
     Areas sums = sum_areas(first, end);
     Walls walls = find_walls(sums);
-    Seen seen = sum_seen(first, walls.may_be_cut ? end : first, walls.place, corner, level);
+    Seen seen = sum_seen(first, end, walls.place, corner, level);
     uvec3 entries = find_largest(first, walls.is_single ? first : end);
     vec3 rise = vec3(0.0);
     for (int a = 0; a < 3; ++a) {
-        for (bool asks = entries[a] < end && record.y <= ASLANT_LIST; asks; asks = false) {
+        if (entries[a] < end && record.y <= ASLANT_LIST) {
             vec3 n = listed_plane(entries[a], level).normal;
             float sine = sqrt(max(1.0 - n[a] * n[a], 0.0));
             rise[a] = sine > ASLANT ? sine / n[a] : 0.0;
@@ -453,7 +400,7 @@ void main()
     Cut cut = find_cut(sums, walls, seen, rise);
     SideAreas sides = sum_sides(first, cut.axis >= 0 ? end : first, cut, corner, level);
     find_aslant_cut(cut, sides, entries, rise, walls, first, end, corner, level);
-    for (bool asks = cut.is_aslant && cut.gain > NOTED_AREA && record.y <= MOST_CORNER_ENTRY + 1u; asks; asks = false) {
+    if (cut.is_aslant && cut.gain > NOTED_AREA && record.y <= MOST_CORNER_ENTRY + 1u) {
         find_second_cut(cut, entries, walls, first, end, corner, level);
     }
     cells[number] = facing_word(sums, cut, sides);

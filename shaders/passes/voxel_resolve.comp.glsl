@@ -2,6 +2,7 @@
 // From parts to faces: sums and means, and the point of the surface that each face stands for. One thread for each axis
 // that a cell has faces on. Sums are integers: the order of a cell's list cannot show.
 // IS_CROWDED: of a crowded cell, whose parts are summed up already (lib/crowd.glsl).
+// IS_PLAIN: of cells that are not cut and list few triangles, MASKED at most: nearly all are such. 0: of any.
 // Input: parts and triangles of cells, cells with their positions. HAS_SHADING_NORMALS: meshes' corners.
 // Output: place_img, reflectance_img and, where there are some, shading_img of the faces.
 
@@ -32,7 +33,7 @@ uniform uint line_block;     // cells on a side of the blocks in which all lines
 #if IS_CROWDED
 const uint MASKED = 0u;
 #else
-const uint MASKED = 32u;
+const uint MASKED = PLAIN_LIST;
 #endif
 
 struct Face {
@@ -66,14 +67,15 @@ void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minu
     plus = NO_SUMS;
     minus = NO_SUMS;
     facing_mask = 0u;
-    for (uint k = record.x; k < record.x + record.y; ++k) {
+    uint k = record.x;
+    do {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
         facing_mask |= part.facing >> 1 == axis && k < record.x + MASKED ? 1u << (k - record.x) : 0u;
         uint to_plus = part.facing == 2u * axis ? 0xFFFFFFFFu : 0u;
         uint to_minus = part.facing == 2u * axis + 1u ? 0xFFFFFFFFu : 0u;
         add_part(plus, part, to_plus);
         add_part(minus, part, to_minus);
-    }
+    } while (++k < record.x + record.y);
 }
 #endif
 
@@ -221,9 +223,11 @@ uint next_facing(uint entry, uint first, uint facing_mask)
 bool faces_along(uint entry, uint first, int axis)
 {
     bool faces = true;
-    for (bool asks = entry - first >= MASKED; asks; asks = false) {
+#if !IS_PLAIN
+    if (entry - first >= MASKED) {
         faces = int(unpack_part(texelFetch(parts_tex, list_texel(entry), 0)).facing >> 1) == axis;
     }
+#endif
     return faces;
 }
 
@@ -233,6 +237,8 @@ const Outermost NOTHING = Outermost(true, -1e30, NONE_INDEX, 0u);
 const uint SHARED_LINES = 2u;
 // Share of a box's side: less is rounding.
 const float LEAST_PART = 1e-6;
+// Places that are looked through for a surface: a side of a cell, and where it has none, the whole of it.
+const int LOOKS = IS_PLAIN != 0 ? 1 : 2;
 // Triangles of a list that are clipped one after the other.
 const uint MOST_CLIPPED = 1024u;
 
@@ -247,16 +253,17 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
     vec3 column_high = mix(high, corner + 1.0, abs(direction));
     Outermost above = NOTHING, below = NOTHING;
     vec3 plus_start = vec3(0.0), minus_start = vec3(0.0);
-    bool is_wall = beyond.is_asked ? beyond.plane.axis == axis : cut_axis(record) == axis;
+    bool is_wall = IS_PLAIN == 0 && (beyond.is_asked ? beyond.plane.axis == axis : cut_axis(record) == axis);
     uint lines = is_shared ? SHARED_LINES : (is_wall ? 0u : 1u);
-    for (uint line = 0u; line < lines; ++line) {
+    uint line = 0u;
+    if (lines > 0u) do {
         vec3 start = point_of_box(uvec3(cell) / line_block, line, low, high);
         Outermost top = NOTHING, bottom = NOTHING;
         ListWalk walk = begin_lines(record, start, start, corner, axis);
         do {
             next_run(walk, 1e30);
-            for (walk.next = next_facing(walk.next, record.x, facing_mask); walk.next < walk.end;
-                 walk.next = next_facing(walk.next + 1u, record.x, facing_mask)) {
+            walk.next = next_facing(walk.next, record.x, facing_mask);
+            if (walk.next < walk.end) do {
                 uvec2 entry = fetch_source(cell_triangles_tex, list_texel(walk.next)).rg;
                 uint index = triangle_number(entry);
                 Triangle t = in_level(fetch_listed(entry), level);
@@ -266,7 +273,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
                            meets(start, direction, t, column_low, column_high, beyond, distance);
                 consider(top, met, n[axis] < 0.0, distance, index, walk.next);
                 consider(bottom, met, n[axis] > 0.0, -distance, index, walk.next);
-            }
+                walk.next = next_facing(walk.next + 1u, record.x, facing_mask);
+            } while (walk.next < walk.end);
         } while (has_runs(walk));
         if (lies_between(top, start, direction, low, high) && above.faces_away &&
             (above.triangle == NONE_INDEX || !top.faces_away)) {
@@ -278,7 +286,7 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
             below = bottom;
             minus_start = start;
         }
-    }
+    } while (++line < lines);
     // What the lines met of other surfaces' backs does not stand for those that face this way.
     if (above.faces_away && has_plus) {
         above = NOTHING;
@@ -290,7 +298,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
     // would take long, through the mean, or on a side, which has no mean of its own, another.
     vec3 another = point_of_box(uvec3(cell) / line_block, SHARED_LINES, low, high);
     bool lacks_plus = false, lacks_minus = false;  // there is so little of it that it was rounded away
-    for (int look = 0; look < 2; ++look) {
+    int look = 0;
+    do {
         bool misses_plus = above.triangle == NONE_INDEX, misses_minus = below.triangle == NONE_INDEX;
         uvec4 walked = record;
         walked.y = misses_plus || misses_minus ? record.y : 0u;
@@ -302,7 +311,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         plus_start = !misses_plus ? plus_start : (has_mean ? plus.position : another);
         minus_start = !misses_minus ? minus_start : (has_mean ? minus.position : another);
         uint end = record.x + (walked.y <= MOST_CLIPPED ? walked.y : 0u);
-        for (uint k = next_facing(record.x, record.x, facing_mask); k < end; k = next_facing(k + 1u, record.x, facing_mask)) {
+        uint k = next_facing(record.x, record.x, facing_mask);
+        if (k < end) do {
             uvec2 entry = fetch_source(cell_triangles_tex, list_texel(k)).rg;
             uint index = triangle_number(entry);
             Triangle t = in_level(fetch_listed(entry), level);
@@ -320,7 +330,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
             consider(largest_minus, is_there, n[axis] > 0.0, abs(sums.x), index, k);
             plus_start = misses_plus && largest_plus.triangle == index ? middle : plus_start;
             minus_start = misses_minus && largest_minus.triangle == index ? middle : minus_start;
-        }
+            k = next_facing(k + 1u, record.x, facing_mask);
+        } while (k < end);
         lacks_plus = misses_plus && record.y <= MOST_CLIPPED && largest_plus.triangle == NONE_INDEX;
         lacks_minus = misses_minus && record.y <= MOST_CLIPPED && largest_minus.triangle == NONE_INDEX;
         // One walk for all lines between the two.
@@ -328,8 +339,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
         ListWalk walk = begin_lines(walked, min(one, other), max(one, other), corner, axis);
         do {
             next_run(walk, 1e30);
-            for (walk.next = next_facing(walk.next, record.x, facing_mask); walk.next < walk.end;
-                 walk.next = next_facing(walk.next + 1u, record.x, facing_mask)) {
+            walk.next = next_facing(walk.next, record.x, facing_mask);
+            if (walk.next < walk.end) do {
                 uvec2 entry = fetch_source(cell_triangles_tex, list_texel(walk.next)).rg;
                 uint index = triangle_number(entry);
                 Triangle t = in_level(fetch_listed(entry), level);
@@ -340,9 +351,10 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
                 consider(above, met, n[axis] < 0.0, distance, index, walk.next);
                 met = is_ours && misses_minus && meets(minus_start, direction, t, box_low, box_low + size, beyond, distance);
                 consider(below, met, n[axis] > 0.0, -distance, index, walk.next);
-            }
+                walk.next = next_facing(walk.next + 1u, record.x, facing_mask);
+            } while (walk.next < walk.end);
         } while (has_runs(walk));
-    }
+    } while (++look < LOOKS);
     plus.reflectance.rgb = lacks_plus ? vec3(0.0) : plus.reflectance.rgb;
     minus.reflectance.rgb = lacks_minus ? vec3(0.0) : minus.reflectance.rgb;
     move_to(plus, plus_start, above, is_shared, level);
@@ -368,7 +380,8 @@ Beyond beyond_of(uvec4 record, uint side, uint facing, int level, vec3 corner)
     uint outward = uint(2 * plane.axis) + (side == 1u ? 0u : 1u);
     uint area = 0u, largest = cut_entry(record);
     uvec2 listed = uvec2(0u);
-    for (uint k = record.x; k < record.x + record.y; ++k) {
+    uint k = record.x;
+    do {
         Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
         uvec2 at = fetch_source(cell_triangles_tex, list_texel(k)).rg;
         bool is_larger = part.area > area || (part.area == area && area > 0u && comes_before(at, listed));
@@ -376,14 +389,14 @@ Beyond beyond_of(uvec4 record, uint side, uint facing, int level, vec3 corner)
         area = is_larger ? part.area : area;
         largest = is_larger ? k : largest;
         listed = is_larger ? at : listed;
-    }
+    } while (++k < record.x + record.y);
     CutPlane other = listed_plane(largest, level), second = plane;
     float sign = side == 1u ? 1.0 : -1.0;
     bool is_further = sign * (height_above(plane, corner + 0.5) - height_above(other, corner + 0.5)) > 0.0;
     bool is_limited = is_corner(record) && int(facing) != plane.axis;
     plane.place = is_further ? other.place : plane.place;
     plane.normal = sign * (is_further ? other.normal : plane.normal);
-    for (bool asks = is_limited; asks; asks = false) {
+    if (is_limited) {
         second = listed_plane(second_cut_entry(record), level);
         second.normal *= lies_beyond_second(record, side == 1u) ? 1.0 : -1.0;
         is_limited = int(facing) != second.axis;
@@ -406,11 +419,11 @@ void main()
     int level = level_of_cell(cell);
     vec3 corner = vec3(from_stack(cell, level));
     vec3 low = corner, high = corner + 1.0;
-    int cut = is_aslant(record) ? -1 : cut_axis(record);
-    bool is_shared = (record.w >> (6u * (1u - side) + 2u * axis) & 1u) != 0u;
+    int cut = IS_PLAIN != 0 || is_aslant(record) ? -1 : cut_axis(record);
+    bool is_shared = IS_PLAIN == 0 && (record.w >> (6u * (1u - side) + 2u * axis) & 1u) != 0u;
     const CutPlane none = CutPlane(vec3(0.0), vec3(0.0), 0);
     Beyond beyond = Beyond(false, none, false, none);
-    for (bool aslant = is_aslant(record); aslant; aslant = false) {
+    if (is_aslant(record)) {
         beyond = beyond_of(record, side, axis, level, corner);
     }
     if (cut >= 0 && (is_shared || cut != int(axis))) {  // a wall may lie aslant to the plane that is to be it
