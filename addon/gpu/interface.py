@@ -87,7 +87,8 @@ BOXES_PER_16 = 3
 CUT_ENTRY_BITS = 11
 ASLANT_LIST = 1 << CUT_ENTRY_BITS
 
-#: Cells with no more triangles, and no cut, have programs of their own: a bit of a word for each triangle, no boxes.
+#: Faces of cells that have no more triangles, and no cut, are made by a program of their own, without boxes. A word has
+#: a bit for each of the triangles: no more than 32.
 PLAIN_LIST = 32
 
 #: Triangles of a cell up to which one thread sums them up: software rasterizers end its loops after 65536 rounds.

@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 #: Faces in one dispatch: bounds how long a step takes, so that cancelling is quick.
 FACES_PER_STEP = 1 << 14
 
-
-#: Alpha of a face's reflectance, as it is stored, that is more than what LEAST_WEIGHT is stored as.
-LEAST_ALPHA = int((interface.LEAST_WEIGHT / interface.MAX_FACE_WEIGHT) ** 0.5 * 65535) + 1
+#: As alpha of a face's reflectance LEAST_WEIGHT is stored as less.
+LEAST_ALPHA = int((interface.LEAST_WEIGHT / interface.MAX_FACE_WEIGHT) ** 0.5 * 65535) + 2
 
 
 def calm_cells(bricks: np.ndarray, facings: np.ndarray) -> np.ndarray:
-    """Cells on which nothing stands, nor on any of those around them: no cell beside is hidden from them. (N,) bool.
+    """Cells on which nothing stands, nor on any of those around them: (N,) bool. From their faces no cell beside is
+    hidden, unless one has less weight than LEAST_WEIGHT.
 
     ``bricks``: (z, y, x, 4) uint32, as lib/grid.glsl describes them; ``facings``: (N,) uint32, last words of the
     records of all cells.
@@ -58,6 +58,18 @@ def _spread(masks: np.ndarray, axis: int, step: int) -> np.ndarray:
     return result
 
 
+def _not_calm(voxels: Voxels, facings: np.ndarray) -> np.ndarray:
+    """Cells from whose faces others may be hidden: (N,) bool."""
+    bricks = np.frombuffer(voxels.bricks.read(), np.uint32).reshape(*voxels.grid.bricks[::-1], 4)
+    weights = np.frombuffer(voxels.faces.reflectance.read(), np.uint16).reshape(-1, 4)[: voxels.faces.count, 3]
+    found = ~calm_cells(bricks, facings)
+    if len(weights):
+        counts = face_counts(facings)
+        firsts = (np.cumsum(counts, dtype=np.int64) - counts)[counts > 0]
+        found[counts > 0] |= np.logical_or.reduceat(weights < LEAST_ALPHA, firsts)
+    return found
+
+
 def find_hidden(
     gpu: GpuContext, voxels: Voxels, positions: moderngl.Texture, facings: np.ndarray, asked: np.ndarray | None
 ) -> Generator[float, None, np.ndarray]:
@@ -66,16 +78,10 @@ def find_hidden(
     ``positions``: of all cells, r32ui list; ``facings``: (cells,) uint32, last words of their records; ``asked``:
     (cells,) bool, those of which something is to be found out; None: of all.
     """
-    bricks = np.frombuffer(voxels.bricks.read(), np.uint32).reshape(*voxels.grid.bricks[::-1], 4)
-    concerned = ~calm_cells(bricks, facings)
-    counts = face_counts(facings)
-    weights = np.frombuffer(voxels.faces.reflectance.read(), np.uint16).reshape(-1, 4)[: voxels.faces.count, 3]
-    if len(weights):
-        firsts = (np.cumsum(counts, dtype=np.int64) - counts)[counts > 0]
-        concerned[counts > 0] |= np.logical_or.reduceat(weights <= LEAST_ALPHA, firsts)
-    if asked is not None:
-        concerned &= asked
-    pairs, _ = cell_axes(np.where(concerned, facings, np.uint32(0)))
+    with gpu.timed("neighbours"):
+        if asked is None:
+            asked = _not_calm(voxels, facings)
+        pairs, _ = cell_axes(np.where(asked, facings, np.uint32(0)))
     slot = interface.slot
     count = 2 * len(pairs)
     hidden = gpu.buffer("hidden cells", size=4 * max(voxels.cell_count, 1))

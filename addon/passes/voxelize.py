@@ -513,8 +513,7 @@ class VoxelizePass:
         gpu, slot = self.gpu, interface.slot
         count = len(lists.records)
         assert lists.parts is not None
-        defines = geometry.defines | {"HAS_BOXES": False, "HAS_ASLANT_CUTS": True}
-        defines |= {"IS_CROWDED": False, "CROWD_STEP": 0}
+        defines = geometry.defines | {"HAS_BOXES": False}
         geometry.bind_triangles(self.gpu)
         gpu.use_source(lists.cells, "TEX_CELLS")
         gpu.use_source(lists.triangles, "TEX_CELL_TRIANGLES")
@@ -538,6 +537,7 @@ class VoxelizePass:
         facings = words_after(gpu.kernel("voxel_walls", defines), cells)
         cells = cells[facings[cells] == interface.NONE_INDEX]
         if len(cells):
+            defines |= {"HAS_ASLANT_CUTS": True, "IS_CROWDED": False, "CROWD_STEP": 0}
             facings = words_after(gpu.kernel("voxel_cut", defines).set(**geometry.grid.level_uniforms), cells)
         lists.crowded = np.flatnonzero(made & is_crowded)
         if len(lists.crowded):
@@ -605,20 +605,21 @@ class VoxelizePass:
         defines = geometry.defines | {"HAS_SHADING_NORMALS": faces.shading is not None, "HAS_BOXES": lists.has_boxes}
         defines["HAS_ASLANT_CUTS"] = lists.has_aslant_cuts
 
+        plain: dict[str, object] = {"IS_PLAIN": True, "HAS_BOXES": False, "HAS_ASLANT_CUTS": False}
+
         def run(items: np.ndarray, *, is_plain: bool = False, **crowd: int) -> None:
             if len(items):
                 items = items[alike(lists.records[items & 0x1FFFFFFF, 1])]
                 work = gpu.buffer("voxel work", items)
                 self._temporary.append(work)
-                kinds: dict[str, object] = {"IS_CROWDED": bool(crowd), "IS_PLAIN": is_plain}
-                kernel = gpu.kernel("voxel_resolve", defines | kinds | (plain if is_plain else {}))
+                kinds = plain if is_plain else {"IS_PLAIN": False}
+                kernel = gpu.kernel("voxel_resolve", defines | {"IS_CROWDED": bool(crowd)} | kinds)
                 kernel.set(**geometry.grid.uniforms, work_count=len(items), line_block=block, **crowd)
                 if lists.has_boxes:
                     kernel.set(box_first=len(lists.records))
                 work.bind_to_storage_buffer(slot("BUF_WORK"))
                 kernel.run_list(len(items))
 
-        plain: dict[str, object] = {"HAS_BOXES": False, "HAS_ASLANT_CUTS": False}
         cells = items & 0x1FFFFFFF
         lengths = lists.records[cells, 1]
         are_plain = (facings[cells] & interface.CUT_BITS == 0) & (lengths <= interface.PLAIN_LIST)

@@ -258,6 +258,24 @@ def test_slivers_are_not_black(gpu: GpuContext) -> None:
         np.testing.assert_allclose(found.faces["reflectance"][up].mean(axis=0), [0.8, 0.5, 0.2], atol=0.07)
 
 
+def test_cells_that_are_not_cut_are_made_as_others_are(monkeypatch: pytest.MonkeyPatch, gpu: GpuContext) -> None:
+    """The program that makes most faces, and the one for cells that are cut or list many triangles: the same bits."""
+    shapes = [scenes.soup([[[1, 1, 1], [1, 23, 1], [23, 23, 23]]]),  # through edges of the grid
+              scenes.soup([[[1.3, 0.2, 1.0], [23.0, 0.5, 5.0], [0.5, 9.0, 22.0]]]),
+              scenes.sphere(9.0), scenes.soup(np.random.default_rng(1).uniform(1.0, 23.0, (60, 3, 3)))]  # fmt: skip
+    for shape in shapes:
+        place = scenes.at(12.1, 11.9, 12.2) if shape.name == "sphere" else np.eye(4)
+        made = scenes.scene((shape, scenes.diffuse((0.8, 0.5, 0.2)), place))
+        found = []
+        for bits in (interface.CUT_BITS, 0xFFFFFFFF):  # with these no cell is plain
+            monkeypatch.setattr(interface, "CUT_BITS", bits)
+            with voxelized(gpu, made, unit_grid(24)) as data:
+                faces = data.voxels.faces
+                textures = [faces.place, faces.reflectance, *([faces.shading] if faces.shading else [])]
+                found.append([texture.read() for texture in textures])
+        assert found[0] == found[1]
+
+
 def test_walls_between_two_axes_have_their_colour(gpu: GpuContext) -> None:
     """At 45 degrees to the grid rounding decides which axis a triangle faces: once, for all that is made of it."""
     rng = np.random.default_rng(1)

@@ -11,16 +11,17 @@ from addon.passes.neighbours import calm_cells
 from addon.passes.voxel_numbers import popcount
 
 
-@pytest.mark.parametrize("seed", range(8))
-def test_calm_cells_have_plain_ones_around_them(seed: int) -> None:
-    """Against a look at all 27, cell by cell: in bricks and across their borders."""
-    random = np.random.default_rng(seed)
-    size = np.array([3, 4, 5]) * BRICK  # z, y, x
-    occupied = random.random(size) < 0.3
+@pytest.mark.parametrize("shape", [(3, 4, 5), (1, 4, 5), (5, 1, 3), (3, 5, 1), (1, 1, 6)])
+@pytest.mark.parametrize("empty", [0.0, 0.4])
+def test_calm_cells_have_plain_ones_around_them(shape: tuple[int, int, int], empty: float) -> None:
+    """Against a look at all 27, cell by cell: in bricks and across their borders. `empty`: share of bricks."""
+    random = np.random.default_rng(shape)
+    size = np.array(shape) * BRICK  # z, y, x
+    occupied = (random.random(size) < 0.3) & (random.random(shape) >= empty).repeat(4, 0).repeat(4, 1).repeat(4, 2)
     stands = occupied & (random.random(size) < 0.06)
-    bricks = np.zeros((3, 4, 5, 4), np.uint32)
+    bricks = np.zeros((*shape, 4), np.uint32)
     order = []  # of cells' numbers: brick by brick
-    for brick in np.ndindex(3, 4, 5):
+    for brick in np.ndindex(shape):
         inside = np.argwhere(occupied[tuple(slice(BRICK * at, BRICK * at + BRICK) for at in brick)])  # x fastest
         mask = sum(1 << int(x + BRICK * y + BRICK**2 * z) for z, y, x in inside)
         bricks[brick] = (mask & 0xFFFFFFFF, mask >> 32, len(order), 0)

@@ -31,7 +31,7 @@ bool crosses_box(vec3 origin, vec3 direction, float limit, float margin)
     bool meets_hull = crosses(hull_low - margin, hull_high + margin, origin, inverse, limit);
     bool found = meets_hull && box_count == 1;
     int k = 0;
-    if (meets_hull && !found) do {
+    if (meets_hull && box_count > 1) do {
         found = found || crosses(box_low[k] - margin, box_high[k] + margin, origin, inverse, limit);
     } while (++k < box_count);
     return found;

@@ -133,7 +133,7 @@ void visit_cells(uint triangle_index, uint item)
     int z = 0, z_end = -1;
     vec3 base = vec3(0.0);
     int left = last - first;
-    do {
+    if (left > 0) do {
         if (z > z_end) {
             // Depth of the plane at the column's centre, and how far it can differ within the column.
             float z_mid = a.z + dot(slope, vec2(column) + 0.5 - a.xy);

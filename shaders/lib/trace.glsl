@@ -90,7 +90,7 @@ Hit trace(vec3 origin, vec3 direction, float limit, uint ray_mask, bool any_hit,
     int octant = octant_bit(turned);
 
     // Two loops that take turns: step until every ray of the group stands in an occupied cell, then test triangles.
-    // Software rasterizers run both sides of an `if` but leave out a loop that no ray enters.
+    // (The inner loop does not ask at its end: what it finds is not carried around it. See README.md, Loops.)
 #if LEVELS
     int budget = LEVELS * (grid_size.x + grid_size.y + 8) + grid_size.z;  // a straight line crosses no more cells
 #else

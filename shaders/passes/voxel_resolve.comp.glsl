@@ -2,7 +2,7 @@
 // From parts to faces: sums and means, and the point of the surface that each face stands for. One thread for each axis
 // that a cell has faces on. Sums are integers: the order of a cell's list cannot show.
 // IS_CROWDED: of a crowded cell, whose parts are summed up already (lib/crowd.glsl).
-// IS_PLAIN: of cells that are not cut and list few triangles, MASKED at most: nearly all are such. 0: of any.
+// IS_PLAIN: of cells that are not cut and list few triangles, MASKED at most: nearly all are such. 0: of the others.
 // Input: parts and triangles of cells, cells with their positions. HAS_SHADING_NORMALS: meshes' corners.
 // Output: place_img, reflectance_img and, where there are some, shading_img of the faces.
 
@@ -355,8 +355,8 @@ void find_surfaces(inout Face plus, inout Face minus, uvec4 record, int axis, iv
             } while (walk.next < walk.end);
         } while (has_runs(walk));
     } while (++look < LOOKS);
-    plus.reflectance.rgb = lacks_plus ? vec3(0.0) : plus.reflectance.rgb;
-    minus.reflectance.rgb = lacks_minus ? vec3(0.0) : minus.reflectance.rgb;
+    plus.reflectance.rgb = lacks_plus && above.triangle == NONE_INDEX ? vec3(0.0) : plus.reflectance.rgb;
+    minus.reflectance.rgb = lacks_minus && below.triangle == NONE_INDEX ? vec3(0.0) : minus.reflectance.rgb;
     move_to(plus, plus_start, above, is_shared, level);
     move_to(minus, minus_start, below, is_shared, level);
 }
