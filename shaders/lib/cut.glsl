@@ -35,6 +35,18 @@ uint second_cut_entry(uvec4 record)
     return record.x + (record.w >> 19 & MOST_CORNER_ENTRY);
 }
 
+// The same, and the first entry of all lists where a cell has no such plane: what an `if` fetches for threads that it leaves out
+// shall not come from afar. (Made of numbers: compilers know what an `if` asks inside of it, and drop what depends on that.)
+uint cut_entry_or_first(uvec4 record)
+{
+    return cut_entry(record) * (record.w / CUT_IS_ASLANT & 1u);
+}
+uint second_cut_entry_or_first(uvec4 record)
+{
+    uint planes = record.w >> 12;  // lowest bits: both set where there is one
+    return second_cut_entry(record) * (record.w / CUT_IS_ASLANT & ~(planes & planes >> 1) & 1u);
+}
+
 // Whether faces before, or beyond, the first of two planes lie beyond the second.
 bool lies_beyond_second(uvec4 record, bool is_beyond)
 {
@@ -88,11 +100,11 @@ Sides sides_of(uvec4 record, ivec3 cell, vec3 one, vec3 other, vec3 n)
         int level = level_of_cell(cell);
         vec3 first = one / level_side(level) + n * CUT_LIFT;
         vec3 second = other / level_side(level) + n * CUT_LIFT;
-        CutPlane plane = listed_plane(cut_entry(record), level);
+        CutPlane plane = listed_plane(cut_entry_or_first(record), level);
         sides.beyond = bvec2(height_above(plane, first) > 0.0, height_above(plane, second) > 0.0);
         sides.away = sides.beyond.x ? plane.normal : -plane.normal;
         if (is_corner(record)) {
-            CutPlane next = listed_plane(second_cut_entry(record), level);
+            CutPlane next = listed_plane(second_cut_entry_or_first(record), level);
             int facing = dominant_axis(n);
             bvec2 above = bvec2(height_above(next, first) > 0.0, height_above(next, second) > 0.0);
             bool is_across = facing != plane.axis && facing != next.axis;
