@@ -58,9 +58,12 @@ void main()
         if (may_cross && !has_changed) do {
             vec3 direction;
             bool leaves = link_ray(site, 4u * q + k, shift, seed, direction);
-            if (leaves && crosses_hull(site.origin, direction)) {
-                uint number = linked_face(links[k]);
-                vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(number == NONE_INDEX ? 0u : number), 0).xyz);
+            bool is_unsure = leaves && crosses_hull(site.origin, direction);
+            uint number = linked_face(links[k]);
+            // Of few; what an `if` fetches for threads that it leaves out would come from everywhere.
+            uint place_of = is_unsure && number != NONE_INDEX ? number : 0u;
+            vec3 place = uintBitsToFloat(texelFetch(face_place_tex, list_texel(place_of), 0).xyz);
+            if (is_unsure) {
                 // 2: diagonals of cubes, or the wider cells beside
                 float farthest = (LEVELS > 0 ? 4.0 : 2.0) * FARTHEST_PLACE * cell_side(place);
                 float limit = number == NONE_INDEX ? 1e30 : distance(place, site.origin) + farthest;
