@@ -38,14 +38,12 @@ void main()
     index += triangle_first;
     // The last instance that starts at or before this triangle.
     uint lo = 0u, hi = instance_count - 1u;
-    while (lo < hi) {
+    if (lo < hi) do {
         uint middle = (lo + hi + 1u) / 2u;
-        if (instances[middle].first_triangle <= index) {
-            lo = middle;
-        } else {
-            hi = middle - 1u;
-        }
-    }
+        bool starts_before = instances[middle].first_triangle <= index;
+        lo = starts_before ? middle : lo;
+        hi = starts_before ? hi : middle - 1u;
+    } while (lo < hi);
     Instance instance = instances[lo];
     uint triangle = instance.first_mesh_triangle + index - instance.first_triangle;
     uint vertex = 3u * (triangle - mesh_triangle_first);

@@ -91,9 +91,10 @@ void main()
 #if IS_PART
     items = may_enter_part(t) ? items : 0u;
     uint count = 0u;
-    for (uint item = 0u; item < items; ++item) {
-        count += is_wanted(t, item) ? 1u : 0u;
-    }
+    uint k = 0u;
+    if (items > 0u) do {
+        count += is_wanted(t, k) ? 1u : 0u;
+    } while (++k < items);
 #else
     uint count = items;
 #endif
@@ -107,10 +108,11 @@ void main()
 #endif
     atomicAdd(counters[batch_count], expected);
 #else
-    for (uint item = 0u; item < items; ++item) {
+    uint item = 0u;
+    do {
         if (is_wanted(t, item)) {
             imageStore(work_img, list_texel(first++), uvec4(index, item, 0u, 0u));
         }
-    }
+    } while (++item < items);
 #endif
 }
