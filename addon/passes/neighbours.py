@@ -32,8 +32,6 @@ def calm_cells(bricks: np.ndarray, facings: np.ndarray) -> np.ndarray:
     """
     masks = np.ascontiguousarray(bricks[..., :2]).view(np.uint64)[..., 0]
     filled = np.flatnonzero(masks)
-    if not len(filled):
-        return np.zeros(0, bool)
     places = np.flatnonzero(np.unpackbits(masks.ravel()[filled].view(np.uint8), bitorder="little"))
     bits = np.uint64(1) << (places & 63).astype(np.uint64)
     axes = (facings | facings >> 6) & 63  # as is_plain() of pass neighbours does
@@ -82,6 +80,8 @@ def find_hidden(
         if asked is None:
             asked = _not_calm(voxels, facings)
         pairs, _ = cell_axes(np.where(asked, facings, np.uint32(0)))
+    if not len(pairs):
+        return np.zeros(voxels.cell_count, np.uint32)
     slot = interface.slot
     count = 2 * len(pairs)
     hidden = gpu.buffer("hidden cells", size=4 * max(voxels.cell_count, 1))

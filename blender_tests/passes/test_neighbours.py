@@ -9,6 +9,7 @@ import pytest
 from addon.gpu.context import GpuContext
 from addon.passes import neighbours
 from addon.passes.voxel_numbers import face_counts, hidden_cells
+from addon.scene import MeshData
 from blender_tests.passes import scenes
 from blender_tests.passes.run import VoxelData, read_list, unit_grid, voxelized
 
@@ -83,6 +84,22 @@ def test_what_is_not_asked_about_is_not_hidden(monkeypatch: pytest.MonkeyPatch, 
     assert 0.2 < calm[0].mean() < 0.8
     told = calm[0] & asked.any(axis=1)
     assert told.any() and (weights[told] < 1e-4).all()
+
+
+@pytest.mark.parametrize(
+    ("shape", "asks"),
+    [(scenes.plane(8.0, 3.3), False), (scenes.box((-3.7,) * 3, (3.7,) * 3, inside_out=True), True)],
+)
+def test_where_nothing_stands_nothing_is_asked(
+    shape: MeshData, asks: bool, monkeypatch: pytest.MonkeyPatch, gpu: GpuContext
+) -> None:
+    """A plane has no use for the pass, and does not compile it; a room has."""
+    programs: list[str] = []
+    kernel = gpu.kernel
+    monkeypatch.setattr(gpu, "kernel", lambda name, *of: programs.append(name) or kernel(name, *of))
+    with voxelized(gpu, scenes.scene((shape, WHITE, scenes.at(5.0, 5.0, 5.0))), unit_grid(12)) as found:
+        assert found.voxels.faces.count > 0
+    assert ("neighbours" in programs) == asks
 
 
 def test_faces_stand_for_points_of_surfaces(gpu: GpuContext) -> None:
