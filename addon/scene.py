@@ -33,6 +33,12 @@ class RayVisibility(enum.IntFlag):
     ALL = 31
 
 
+def box_around(points: np.ndarray) -> DoubleArray:
+    """(2, 3) least and largest coordinates of ``points`` (N, 3), N > 0."""
+    columns = np.ascontiguousarray(points.T)  # along short rows numpy takes twenty times as long
+    return np.array([columns.min(axis=1), columns.max(axis=1)], np.float64)
+
+
 @dataclass(frozen=True)
 class MeshData:
     """One triangle mesh in object space. Several instances may share it.
@@ -55,8 +61,9 @@ class MeshData:
     @cached_property
     def bounds(self) -> DoubleArray:
         """(2, 3) metres, object space: around all triangles, of which there must be one."""
-        used = self.positions[self.triangle_vertices.ravel()]
-        return np.array([used.min(axis=0), used.max(axis=0)], np.float64)
+        is_used = np.zeros(len(self.positions), bool)
+        is_used[self.triangle_vertices] = True
+        return box_around(self.positions[is_used])
 
     @cached_property
     def area_and_perimeter(self) -> tuple[float, float]:

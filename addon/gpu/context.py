@@ -447,9 +447,9 @@ class GpuContext:
     # Running ----------------------------------------------------------------------------------------------------
 
     def use_source(self, texture: moderngl.Texture | moderngl.Texture3D, name: str) -> None:
-        """Bind what shaders read by lib/source.glsl. ``name``: its texture unit."""
+        """Bind what shaders read by lib/source.glsl, if it is of those. ``name``: its texture unit."""
         texture.use(interface.slot(name))
-        if self.reads_images:
+        if self.reads_images and name in interface.SOURCES:
             texture.bind_to_image(interface.SOURCES[name], read=True, write=False)
 
     def barrier(self) -> None:

@@ -101,20 +101,17 @@ CROWD_WORDS = 64
 # may allow a buffer no more than 128 MiB. On software rasterizers a word or two of an entry that may lie anywhere come
 # a fifth faster out of a buffer than out of a texture; of four words there is no difference.
 BUFFERS = (
-    "BUF_INSTANCES",  # Instance[] (to transform triangles)
-    "BUF_VERTICES",  # uint[3 T]: vertex of each triangle corner
-    "BUF_POSITIONS",  # float[3 V]
-    "BUF_MATERIALS",  # uint[]: slots of instances, or batch of each material; world parameters
+    "BUF_RADIANCE",  # uvec2[] (lib/packed_light.glsl): radiance of faces while light bounces
+    "BUF_MATERIALS",  # uint[]: batch of each material; world parameters
     "BUF_WORK",  # work items, pixel lists
     "BUF_RESULTS",  # what lists are made into: bins of pixels, arguments of dispatches, emitters, light after a bounce
     "BUF_COUNTS",  # counters and cursors
 )
 # One binding, two names: never used by the same program.
 BUFFER_ALIASES = {
-    "BUF_RADIANCE": "BUF_POSITIONS",  # uvec2[] (lib/packed_light.glsl): radiance of faces while light bounces
-    "BUF_RADIANCE_BEFORE": "BUF_WORK",  # the same, a bounce before
+    "BUF_RADIANCE_BEFORE": "BUF_WORK",  # as BUF_RADIANCE, a bounce before
     # uint[]: where faces are taken over, by how much the numbers of runs of them have grown, then what each has become
-    "BUF_NUMBERS_NOW": "BUF_POSITIONS",
+    "BUF_NUMBERS_NOW": "BUF_RADIANCE",
 }
 
 # Texture units. GL 4.3 promises sixteen to a stage.
@@ -161,6 +158,10 @@ TEXTURE_ALIASES = {
     "TEX_ATTRIBUTES": "TEX_CELL_OPACITIES",  # r32ui list: corner normals, UV and colour layers
     "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters
     # While voxels are made (lib/part.glsl).
+    "TEX_SLOTS": "TEX_TRIANGLES",  # r32ui list: slots of instances, material | flags << 24
+    "TEX_VERTICES": "TEX_BRICKS",  # rgba32ui list: three vertices and the slot of each triangle
+    "TEX_MESH_POSITIONS": "TEX_CELLS",  # rgba32ui list: object space
+    "TEX_PLACEMENTS": "TEX_CELL_TRIANGLES",  # rgba32ui list, as lib/triangle.glsl has them
     "TEX_WORK": "TEX_FACE_RADIANCE",  # rg32ui list: work items (triangle, item number); too many for a buffer
     "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
     "TEX_PARTS": "TEX_FACE_RADIANCE",  # rgba32ui list, cell by cell: what pairs bring to faces
@@ -190,6 +191,9 @@ MAX_MATERIAL_TEXTURES = 24
 IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_TILES")
 #: Textures that rays ask most, which software rasterizers read as images (lib/source.glsl), and the units for that.
 SOURCES = {"TEX_TRIANGLES": 8, "TEX_BRICKS": 9, "TEX_CELLS": 10, "TEX_CELL_TRIANGLES": 11}
+#: And what triangles are transformed from, before there is any of those, and voxels made of.
+SOURCES |= {"TEX_SLOTS": 8, "TEX_VERTICES": 9, "TEX_MESH_POSITIONS": 10, "TEX_PLACEMENTS": 11}
+SOURCES |= {"TEX_WORK": 12, "TEX_PAIRS": 12, "TEX_PARTS": 12, "TEX_CELL_POSITIONS": 13}
 IMAGE_ALIASES = {"IMG_RAYS": "IMG_TILES"}  # layers whose pixels have rays of their own ask no tiles
 ALIASES = BUFFER_ALIASES | TEXTURE_ALIASES | IMAGE_ALIASES
 

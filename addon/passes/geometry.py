@@ -13,7 +13,7 @@ import numpy as np
 from ..gpu import interface
 from ..gpu.context import GpuContext, Kernel
 from ..grid import VoxelGrid
-from ..scene import InstanceData, MeshData, RayVisibility, SceneData
+from ..scene import InstanceData, MeshData, RayVisibility, SceneData, box_around
 from ..sharing import shares_triangles, triangle_counts
 from .materials import MaterialSet
 
@@ -53,6 +53,9 @@ class Geometry:
 
 #: As pass visibility reads it: rows of grid_from_object, first triangle.
 _PLACED = np.dtype([("x", "<f4", 4), ("y", "<f4", 4), ("z", "<f4", 4), ("first", "<u4")])
+
+#: Rows that are worked on at a time: what a step writes is still near when the next one reads it.
+_BLOCK = 1 << 13
 
 #: Thickness over width that a float's digits tell from none.
 _FLAT = 1e-6
@@ -119,13 +122,19 @@ def is_smooth(mesh: MeshData) -> bool:
 
 def octahedral_snorm(normals: np.ndarray) -> np.ndarray:
     """(N, 3) unit normals as (N,) uint32: octahedral, two signed 16-bit numbers. See lib/common.glsl."""
-    length = np.abs(normals).sum(axis=1, keepdims=True)
-    n = normals / np.where(length > 0, length, 1)
-    sign = np.where(n[:, :2] >= 0, 1.0, -1.0)
-    folded = (1.0 - np.abs(n[:, 1::-1])) * sign
-    xy = np.where(n[:, 2:] >= 0, n[:, :2], folded)
-    packed = np.round(np.clip(np.nan_to_num(xy), -1, 1) * 32767).astype(np.int16)
-    return np.ascontiguousarray(packed).view(np.uint32).ravel()
+    packed = np.empty((len(normals), 2), np.int16)
+    for first in range(0, len(normals), _BLOCK):
+        part = slice(first, first + _BLOCK)
+        x, y, z = np.ascontiguousarray(normals[part].T)
+        length = np.abs(x) + np.abs(y) + np.abs(z)
+        length[~(length > 0)] = 1
+        is_below = z < 0
+        x, y = x / length, y / length
+        for axis, along, other in ((0, x, y), (1, y, x)):
+            folded = np.copysign(1.0 - np.abs(other), along)
+            np.copyto(folded, along, where=~is_below)
+            packed[part, axis] = np.round(np.clip(np.nan_to_num(folded, copy=False), -1, 1) * 32767)
+    return packed.view(np.uint32).ravel()
 
 
 class _Attributes:
@@ -176,8 +185,8 @@ class GeometryPass:
         used = sorted({instance.mesh for instance in scene.instances})
         attributes = _Attributes()
         attributes.add(np.zeros(1, np.uint32))
-        vertices, corners, positions = [], [], []
-        first_vertex, first_triangle = 0, 0
+        corners = []
+        first_triangle = 0
         mesh_triangle: dict[int, int] = {}
         mesh_normals: dict[int, int] = {}
         mesh_layers: dict[int, int] = {}
@@ -188,12 +197,9 @@ class GeometryPass:
             mesh_normals[index] = attributes.add(octahedral_snorm(mesh.corner_normals))
             table = _mesh_layers(mesh, materials.layers, attributes)
             mesh_layers[index] = attributes.add(table if len(table) else np.zeros(1, np.uint32))
-            vertices.append(mesh.triangle_vertices.astype(np.uint32) + np.uint32(first_vertex))
             corners.append(
                 np.concatenate([mesh.triangle_corners, mesh.triangle_slots.reshape(-1, 1)], axis=1).astype(np.uint32)
             )
-            positions.append(mesh.positions.astype(np.float32))
-            first_vertex += len(mesh.positions)
             first_triangle += count
 
         records = np.zeros(max(len(scene.instances), 1), interface.INSTANCE.dtype)
@@ -222,17 +228,18 @@ class GeometryPass:
             gpu.list_texture("corners", len(corner_rows), 4, "u4", corner_rows),
             gpu.list_texture("attributes", len(words), 1, "u4", words),
         ]
+        meshes = [scene.meshes[index] for index in used]
         has_instances = shares_triangles(scene)
         if has_instances:
-            triangles = self._shared([scene.meshes[index] for index in used], records, slots)
+            triangles = self._shared(meshes, records, slots)
         else:
             triangles = self._triangles(total)
         self._owned.append(triangles)
-        is_any_smooth = any(is_smooth(scene.meshes[index]) for index in used)
+        is_any_smooth = any(is_smooth(mesh) for mesh in meshes)
         geometry = Geometry(grid, total, is_any_smooth, has_instances, triangles, *self._owned[:3])
         if total:
             if not has_instances:
-                self._transform(geometry, records, vertices, positions, slots)
+                self._transform(geometry, records, meshes, slots)
             geometry.meshes = self._draws(scene, records, used)
         self.geometry = geometry
         return geometry
@@ -262,11 +269,8 @@ class GeometryPass:
         texels = records.view(np.uint32).reshape(-1, 4)
         gpu.write_list(geometry.instances, texels)
         for record, index, instance in zip(chosen, changed, instances, strict=True):
-            mesh = scene.meshes[instance.mesh]
-            self._transform(
-                geometry, record.reshape(1), [mesh.triangle_vertices.astype(np.uint32)],
-                [mesh.positions.astype(np.float32)], _slots([instance])[1], instance=index,
-            )  # fmt: skip
+            mesh, slots = scene.meshes[instance.mesh], _slots([instance])[1]
+            self._transform(geometry, record.reshape(1), [mesh], slots, instance=index)
         for draw in geometry.meshes:
             if not set(draw.members).isdisjoint(changed):
                 draw.place(records)
@@ -289,13 +293,10 @@ class GeometryPass:
         texture = self._triangles(-(-(first_word + len(slots)) // 12))
         texels = np.zeros((texture.width * texture.height, 4), np.uint32)
 
-        placements = texels[: 4 * len(records)].reshape(-1, 4, 4)
-        for row, name in enumerate("xyz"):
-            placements[:, row] = records[f"grid_from_object_{name}"].view(np.uint32)
-        placements[:, 3, 0] = records["first_triangle"]
-        placements[:, 3, 1] = records["first_mesh_triangle"] + np.uint32(first_triangle)
-        placements[:, 3, 2] = records["first_slot"] + np.uint32(first_word)
-        placements[:, 3, 3] = len(records)
+        placements = _placements(records)
+        placements[:, 3, 1] += np.uint32(first_triangle)
+        placements[:, 3, 2] += np.uint32(first_word)
+        texels[: 4 * len(records)] = placements.reshape(-1, 4)
 
         first = 0
         triangles = texels[3 * first_triangle :]
@@ -314,32 +315,39 @@ class GeometryPass:
         self,
         geometry: Geometry,
         records: np.ndarray,
-        vertices: list[np.ndarray],
-        positions: list[np.ndarray],
+        meshes: list[MeshData],
         slots: np.ndarray,
         *,
         instance: int = 0,
     ) -> None:
-        """Of instances ``records``, whose first is number ``instance``; ``vertices``: of their meshes."""
+        """Of instances ``records``, whose first is number ``instance``; ``meshes``: in the order of their triangles."""
         gpu = self.gpu
         first, mesh_first, slot_first = (
             int(records[name][0]) if len(records) == 1 else 0
             for name in ("first_triangle", "first_mesh_triangle", "first_slot")
         )
         count = int(records["triangle_count"].sum(dtype=np.int64))
-        temporary = [
-            gpu.buffer("transform input", np.concatenate(vertices)),
-            gpu.buffer("transform input", np.concatenate(positions)),
-            gpu.buffer("transform input", slots),
-            gpu.buffer("transform input", records),
-        ]
+        placements = _placements(records)
+        placements[:, 3, 2] -= np.uint32(slot_first)
+        vertices = np.empty((sum(len(mesh.triangle_vertices) for mesh in meshes), 4), np.uint32)
+        positions = np.zeros((sum(len(mesh.positions) for mesh in meshes), 4), np.float32)
+        triangle, vertex = 0, 0
+        for mesh in meshes:
+            part = slice(triangle, triangle + len(mesh.triangle_vertices))
+            np.add(mesh.triangle_vertices, vertex, out=vertices[part, :3], casting="unsafe")
+            vertices[part, 3] = mesh.triangle_slots
+            positions[vertex : vertex + len(mesh.positions), :3] = mesh.positions
+            triangle, vertex = part.stop, vertex + len(mesh.positions)
+        temporary = []
         kernel = gpu.kernel("transform").set(triangle_count=count, instance_count=len(records))
-        kernel.set(triangle_first=first, instance_first=instance, mesh_triangle_first=mesh_first, slot_first=slot_first)
-        temporary[3].bind_to_storage_buffer(interface.slot("BUF_INSTANCES"))
-        temporary[0].bind_to_storage_buffer(interface.slot("BUF_VERTICES"))
-        temporary[1].bind_to_storage_buffer(interface.slot("BUF_POSITIONS"))
-        geometry.corners.use(interface.slot("TEX_CORNERS"))
-        temporary[2].bind_to_storage_buffer(interface.slot("BUF_MATERIALS"))
+        kernel.set(triangle_first=first, instance_first=instance, mesh_triangle_first=mesh_first)
+        for name, rows in (
+            ("TEX_PLACEMENTS", placements.reshape(-1, 4)), ("TEX_VERTICES", vertices),
+            ("TEX_MESH_POSITIONS", positions.view(np.uint32)),
+            ("TEX_SLOTS", slots.reshape(-1, 1)),
+        ):  # fmt: skip
+            temporary.append(gpu.list_texture("transform input", len(rows), rows.shape[1], "u4", rows))
+            gpu.use_source(temporary[-1], name)
         geometry.triangles.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
         kernel.run_list(count)
         gpu.barrier()  # every later pass reads the triangles as a texture
@@ -383,6 +391,17 @@ class GeometryPass:
 
 def _seen_by_camera(instance: InstanceData) -> bool:
     return bool(instance.visibility & RayVisibility.CAMERA)
+
+
+def _placements(records: np.ndarray) -> np.ndarray:
+    """(I, 4, 4) uint32, as lib/triangle.glsl has them, with what is first in the lists that records tell of."""
+    placements = np.empty((len(records), 4, 4), np.uint32)
+    for row, name in enumerate("xyz"):
+        placements[:, row] = records[f"grid_from_object_{name}"].view(np.uint32)
+    for column, name in enumerate(("first_triangle", "first_mesh_triangle", "first_slot")):
+        placements[:, 3, column] = records[name]
+    placements[:, 3, 3] = len(records)
+    return placements
 
 
 def _fill_placement(records: np.ndarray, instances: Sequence[InstanceData], grid: VoxelGrid) -> None:
@@ -436,7 +455,7 @@ def _fill_generated(records: np.ndarray, meshes: Sequence[MeshData], owners: np.
         if mesh.generated_bounds is not None:
             bounds[index] = mesh.generated_bounds
         elif len(mesh.positions):
-            bounds[index] = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
+            bounds[index] = box_around(mesh.positions)
         else:
             bounds[index] = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
     lo, hi = bounds[:, 0], bounds[:, 1]

@@ -17,7 +17,7 @@ import moderngl
 import numpy as np
 
 from ..gpu import interface
-from ..gpu.context import GpuContext
+from ..gpu.context import GpuContext, Kernel
 from .geometry import Geometry
 
 if TYPE_CHECKING:
@@ -73,6 +73,15 @@ def curve_order(keys: np.ndarray, cells: np.ndarray) -> np.ndarray:
     return (words & np.uint64((1 << place_bits) - 1)).astype(np.int64)
 
 
+def _span(records: np.ndarray, cells: np.ndarray) -> tuple[int, int]:
+    """First entry of the lists of ``cells`` (ascending), and entries of a texture with room for all from there to the
+    last, which lie in its rows as in theirs."""
+    if not len(cells):
+        return 0, 0
+    first, last = int(records[cells[0], 0]), int(records[cells[-1], 0]) + int(records[cells[-1], 1])
+    return first, last - first + first % interface.LIST_WIDTH
+
+
 class LongLists:
     """Orders and boxes the lists of one scene's cells."""
 
@@ -82,83 +91,93 @@ class LongLists:
         """``positions``: of cells. ``box_first``: entry of the cells' texture where boxes begin."""
         self.gpu, self._geometry, self._lists, self._positions = gpu, geometry, lists, positions
         self._box_first = box_first
+        self._copies: list[moderngl.Texture | None] = []
 
     def run(self, unordered: np.ndarray) -> Iterator[float]:
         """Order the lists of those cells that ``unordered`` (N,) bool names, and make the boxes of all long ones.
 
         Yields the share done.
         """
-        counts = self._lists.records[:, 1].astype(np.int64)
+        gpu, lists = self.gpu, self._lists
+        counts = lists.records[:, 1].astype(np.int64)
         cells = np.flatnonzero(counts > interface.LONG_LIST)
         ends = np.cumsum(counts[cells])
-        first = 0
+        parts, first = [], 0
         while first < len(cells):
             done = int(ends[first] - counts[cells[first]])
             end = max(int(np.searchsorted(ends, done + ENTRIES_PER_STEP, "right")), first + 1)
-            part = cells[first:end]
-            with self.gpu.timed("voxelize"):
-                if unordered[part].any():
-                    self._order(part[unordered[part]])
-                self._make_boxes(part)
+            parts.append(cells[first:end])
             first = end
-            yield first / len(cells)
+        with gpu.timed("voxelize"):
+            room = max((_span(lists.records, part[unordered[part]])[1] for part in parts), default=0)
+            self._copies = [
+                None if texture is None else gpu.list_texture("voxel work", room, texture.components, texture.dtype)
+                for texture in self._written
+            ]
+        try:
+            for number, part in enumerate(parts):
+                with gpu.timed("voxelize"):
+                    if unordered[part].any():
+                        self._order(part[unordered[part]])
+                    self._make_boxes(part)
+                yield (number + 1) / len(parts)
+        finally:
+            gpu.free(*self._copies)
+
+    @property
+    def _written(self) -> tuple[moderngl.Texture | None, ...]:
+        return self._lists.triangles, self._lists.parts, self._lists.opacities
 
     def _order(self, cells: np.ndarray) -> None:
         gpu, slot, lists = self.gpu, interface.slot, self._lists
         starts, counts = (lists.records[cells, column].astype(np.int64) for column in (0, 1))
-        entries, owners = ranges(starts, counts), np.repeat(cells, counts)
-        work = gpu.buffer("voxel work", np.stack([entries, owners], axis=1).astype(np.uint32))
-        keys = gpu.buffer("voxel work", size=4 * len(entries))
-        kernel = gpu.kernel("list_keys", self._geometry.defines | {"HAS_BOXES": True})
-        kernel.set(**self._geometry.grid.uniforms, work_count=len(entries))
-        self._bind(lists.triangles)
-        work.bind_to_storage_buffer(slot("BUF_WORK"))
+        first, room = _span(lists.records, cells)
+        keys = gpu.buffer("voxel work", size=4 * room)
+        kernel = gpu.kernel("list_keys", self._geometry.defines | {"HAS_BOXES": True}).set(first_entry=first)
         keys.bind_to_storage_buffer(slot("BUF_RESULTS"))
-        kernel.run_list(len(entries))
-        gpu.barrier()  # read back
-        order = curve_order(np.frombuffer(keys.read(), np.uint32)[: len(entries)], owners)
+        self._run(kernel, cells, -(-counts // interface.BOX_RUN))
+        entries = ranges(starts, counts)
+        order = curve_order(np.frombuffer(keys.read(), np.uint32)[entries - first], np.repeat(cells, counts))
 
         # Copies of the part of the lists that is put in order; they lie in their rows as the lists do.
-        first = int(starts[0])
-        length = int(starts[-1] + counts[-1]) - first
         offset = first % interface.LIST_WIDTH
-        copies = []
-        written = (lists.triangles, lists.parts, lists.opacities)
-        for unit, name, texture in zip(
-            ("IMG_0", "IMG_1", "IMG_2"), ("TEX_CELL_TRIANGLES", "TEX_PARTS", "TEX_CELL_OPACITIES"), written, strict=True
-        ):
-            if texture is not None:
-                copies.append(gpu.list_texture("voxel work", offset + length, texture.components, texture.dtype))
-                gpu.copy_list(texture, copies[-1], first, length, offset)
-                copies[-1].use(slot(name))
+        for unit, name, texture, copy in zip(
+            ("IMG_0", "IMG_1", "IMG_2"), ("TEX_CELL_TRIANGLES", "TEX_PARTS", "TEX_CELL_OPACITIES"), self._written,
+            self._copies, strict=True,
+        ):  # fmt: skip
+            if texture is not None and copy is not None:
+                gpu.copy_list(texture, copy, first, room - offset, offset)
+                gpu.use_source(copy, name)
                 texture.bind_to_image(slot(unit), read=False, write=True)
-        work.write(np.stack([entries, entries[order] - (first - offset)], axis=1).astype(np.uint32))
+        work = gpu.buffer("voxel work", np.stack([entries, entries[order] - (first - offset)], axis=1).astype(np.uint32))
         defines = {"HAS_FACES": lists.parts is not None, **lists.opacity_defines}
         kernel = gpu.kernel("list_sort", self._geometry.defines | defines).set(work_count=len(entries))
+        work.bind_to_storage_buffer(slot("BUF_WORK"))
         kernel.run_list(len(entries))
         gpu.barrier()  # all that follows reads the lists
-        gpu.free(work, keys, *copies)
+        gpu.free(work, keys)
 
     def _make_boxes(self, cells: np.ndarray) -> None:
         gpu, slot, lists = self.gpu, interface.slot, self._lists
         kernel = gpu.kernel("list_boxes", self._geometry.defines | {"HAS_BOXES": True})
-        kernel.set(**self._geometry.grid.uniforms, box_first=self._box_first)
-        self._bind(lists.triangles)
-        gpu.use_source(lists.cells, "TEX_CELLS")
+        kernel.set(box_first=self._box_first)
         lists.cells.bind_to_image(slot("IMG_0"), read=True, write=True)
         boxes = -(-lists.records[cells, 1].astype(np.int64) // interface.BOX_RUN)
         level = 0
         while len(cells):
-            numbers = np.stack([np.repeat(cells, boxes), ranges(np.zeros(len(cells), np.int64), boxes)], axis=1)
-            work = gpu.buffer("voxel work", numbers.astype(np.uint32))
-            work.bind_to_storage_buffer(slot("BUF_WORK"))
-            kernel.set(work_count=len(numbers), level=level)
-            kernel.run_list(len(numbers))
-            gpu.barrier()  # the next level is made of this one; in the end rays read all
-            gpu.free(work)
+            self._run(kernel.set(level=level), cells, boxes)
             cells, boxes, level = cells[boxes > 1], -(-boxes[boxes > 1] // interface.BOX_FAN), level + 1
 
-    def _bind(self, triangles: moderngl.Texture) -> None:
-        self.gpu.use_source(self._geometry.triangles, "TEX_TRIANGLES")
-        self._positions.use(interface.slot("TEX_CELL_POSITIONS"))
-        self.gpu.use_source(triangles, "TEX_CELL_TRIANGLES")
+    def _run(self, kernel: Kernel, cells: np.ndarray, counts: np.ndarray) -> None:
+        """A thread for each of so many runs, or boxes, of the lists of ``cells``; what it writes can be read."""
+        gpu, lists = self.gpu, self._lists
+        numbers = np.stack([np.repeat(cells, counts), ranges(np.zeros(len(cells), np.int64), counts)], axis=1)
+        work = gpu.buffer("voxel work", numbers.astype(np.uint32))
+        work.bind_to_storage_buffer(interface.slot("BUF_WORK"))
+        gpu.use_source(self._geometry.triangles, "TEX_TRIANGLES")
+        gpu.use_source(self._positions, "TEX_CELL_POSITIONS")
+        gpu.use_source(lists.triangles, "TEX_CELL_TRIANGLES")
+        gpu.use_source(lists.cells, "TEX_CELLS")
+        kernel.set(**self._geometry.grid.uniforms, work_count=len(numbers)).run_list(len(numbers))
+        gpu.barrier()
+        gpu.free(work)

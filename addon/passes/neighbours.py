@@ -93,7 +93,7 @@ def find_hidden(
             with gpu.timed("neighbours"):
                 voxels.bind(kernel)
                 voxels.faces.bind()
-                positions.use(slot("TEX_CELL_POSITIONS"))
+                gpu.use_source(positions, "TEX_CELL_POSITIONS")
                 hidden.bind_to_storage_buffer(slot("BUF_RESULTS"))
                 work.bind_to_storage_buffer(slot("BUF_WORK"))
                 kernel.set(work_first=first, work_count=count)

@@ -282,7 +282,7 @@ class VoxelizePass:
             self._temporary.append(cursors)
             kernel = gpu.kernel("voxel_count", grid.defines).set(**grid.uniforms, pair_count=starts[-1])
             gpu.use_source(bricks, "TEX_BRICKS")
-            pairs.use(slot("TEX_PAIRS"))
+            gpu.use_source(pairs, "TEX_PAIRS")
             cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
             kernel.run_list(starts[-1])
             gpu.barrier()  # read back
@@ -303,7 +303,7 @@ class VoxelizePass:
                 with gpu.timed("voxelize"):
                     kernel = self._accumulate_kernel(geometry, lists, material_pass, batch)
                     gpu.use_source(bricks, "TEX_BRICKS")
-                    pairs.use(slot("TEX_PAIRS"))
+                    gpu.use_source(pairs, "TEX_PAIRS")
                     self._bind_lists(lists)
                     kernel.set(**grid.uniforms, pair_first=first, pair_count=count)
                     kernel.run_list(count)
@@ -417,7 +417,7 @@ class VoxelizePass:
                     if taken:
                         taken.bind()
                     gpu.use_source(geometry.triangles, "TEX_TRIANGLES")
-                    work.use(slot("TEX_WORK"))
+                    gpu.use_source(work, "TEX_WORK")
                     counters.bind_to_storage_buffer(slot("BUF_COUNTS"))
                     mask.bind_to_image(slot("IMG_0"), read=True, write=True)
                     pairs.bind_to_image(slot("IMG_1"), read=False, write=True)
@@ -517,8 +517,8 @@ class VoxelizePass:
         geometry.bind_triangles(self.gpu)
         gpu.use_source(lists.cells, "TEX_CELLS")
         gpu.use_source(lists.triangles, "TEX_CELL_TRIANGLES")
-        lists.parts.use(slot("TEX_PARTS"))
-        positions.use(slot("TEX_CELL_POSITIONS"))
+        gpu.use_source(lists.parts, "TEX_PARTS")
+        gpu.use_source(positions, "TEX_CELL_POSITIONS")
         lists.cursors.bind_to_storage_buffer(slot("BUF_COUNTS"))
 
         def words_after(kernel: Kernel, cells: np.ndarray) -> np.ndarray:
@@ -596,8 +596,8 @@ class VoxelizePass:
         gpu.use_source(lists.cells, "TEX_CELLS")
         gpu.use_source(lists.triangles, "TEX_CELL_TRIANGLES")
         assert lists.parts is not None
-        lists.parts.use(slot("TEX_PARTS"))
-        positions.use(slot("TEX_CELL_POSITIONS"))
+        gpu.use_source(lists.parts, "TEX_PARTS")
+        gpu.use_source(positions, "TEX_CELL_POSITIONS")
         faces.place.bind_to_image(slot("IMG_0"), read=False, write=True)
         faces.reflectance.bind_to_image(slot("IMG_1"), read=False, write=True)
         if faces.shading is not None:

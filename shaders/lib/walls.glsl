@@ -2,8 +2,9 @@
 // Walls in a cell: what its surfaces sum up to along each axis, and whether the cell may have to be cut in two.
 
 #include "lib/part.glsl"
+#include "lib/source.glsl"
 
-layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
+SOURCE_2D(TEX_PARTS, SOURCE_PARTS, rgba32ui) parts_tex;
 
 // Area in sides of cells: what is smaller is not worth faces of its own.
 const float LEAST_AREA = 0.3;
@@ -26,7 +27,7 @@ Areas sum_areas(uint first, uint end)
     Areas sums = Areas(uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u), 0u);
     uint k = first;
     do {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        Part part = unpack_part(fetch_source(parts_tex, list_texel(k)));
         uvec3 mask = axis_mask(part.facing);
         bool is_minus = (part.facing & 1u) != 0u;
         sums.plus += is_minus ? uvec3(0u) : part.area & mask;

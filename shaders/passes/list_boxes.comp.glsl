@@ -39,14 +39,14 @@ void main()
     uvec4 box = uvec4(0u);
     if (level == 0u) {
         vec3 low = vec3(2.0), high = vec3(-1.0);
-        uint first = record.x + BOX_RUN * number;
-        uint k = first;
+        Run run = fetch_run(cell, number);
+        uint k = run.first;
         do {
             vec3 entry_low, entry_high;
-            bounds_in_cell(k, cell, entry_low, entry_high);
+            bounds_in_cell(k, run, entry_low, entry_high);
             low = min(low, entry_low);
             high = max(high, entry_high);
-        } while (++k < min(first + BOX_RUN, record.x + record.y));
+        } while (++k < run.end);
         uvec3 from = uvec3(floor((low + BOX_MARGIN) / BOX_UNIT));
         uvec3 to = uvec3(min(ceil((high + BOX_MARGIN) / BOX_UNIT), 65535.0));
         box = uvec4(from | to << 16, BOX_IS_RUN | number);

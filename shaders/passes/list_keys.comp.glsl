@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Where on a Morton curve through its cell each triangle of a long list lies: the middle of its part there.
-// Input: work (entry of a list, cell), triangles and positions of cells.    Output: keys of 30 bits.
+// One thread a run.    Input: work (cell, number of the run), triangles and positions of cells.    Output: keys of 30 bits.
 
 #include "lib/list_bounds.glsl"
 
@@ -10,6 +10,7 @@ layout(std430, binding = BUF_WORK) readonly buffer Work { uvec2 work[]; };
 layout(std430, binding = BUF_RESULTS) writeonly buffer Keys { uint keys[]; };
 
 uniform uint work_count;
+uniform uint first_entry;  // that has the first key
 
 // Bits of a number of ten, two zeros after each.
 uvec3 spread(uvec3 v)
@@ -26,8 +27,12 @@ void main()
     if (number >= work_count) {
         return;
     }
-    vec3 low, high;
-    bounds_in_cell(work[number].x, work[number].y, low, high);
-    uvec3 bits = spread(uvec3(clamp(0.5 * (low + high), 0.0, 1.0) * 1023.0));
-    keys[number] = bits.x | bits.y << 1 | bits.z << 2;
+    Run run = fetch_run(work[number].x, work[number].y);
+    uint k = run.first;
+    do {
+        vec3 low, high;
+        bounds_in_cell(k, run, low, high);
+        uvec3 bits = spread(uvec3(clamp(0.5 * (low + high), 0.0, 1.0) * 1023.0));
+        keys[k - first_entry] = bits.x | bits.y << 1 | bits.z << 2;
+    } while (++k < run.end);
 }

@@ -3,18 +3,20 @@
 // Input: work (entry, place of what belongs there in copies of the lists), copies.    Output: lists of cells.
 
 #include "lib/common.glsl"
+#include "lib/source.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
 layout(std430, binding = BUF_WORK) readonly buffer Work { uvec2 work[]; };
-layout(binding = TEX_CELL_TRIANGLES) uniform usampler2D cell_triangles_tex;
 #if HAS_INSTANCES
+SOURCE_2D(TEX_CELL_TRIANGLES, SOURCE_CELL_TRIANGLES, rg32ui) cell_triangles_tex;
 layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D cell_triangle_img;
 #else
+SOURCE_2D(TEX_CELL_TRIANGLES, SOURCE_CELL_TRIANGLES, r32ui) cell_triangles_tex;
 layout(binding = IMG_0, r32ui) writeonly uniform uimage2D cell_triangle_img;
 #endif
 #if HAS_FACES
-layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
+SOURCE_2D(TEX_PARTS, SOURCE_PARTS, rgba32ui) parts_tex;
 layout(binding = IMG_1, rgba32ui) writeonly uniform uimage2D part_img;
 #endif
 #if HAS_OUTLINES
@@ -34,9 +36,9 @@ void main()
         return;
     }
     ivec2 to = list_texel(work[number].x), from = list_texel(work[number].y);
-    imageStore(cell_triangle_img, to, texelFetch(cell_triangles_tex, from, 0));
+    imageStore(cell_triangle_img, to, fetch_source(cell_triangles_tex, from));
 #if HAS_FACES
-    imageStore(part_img, to, texelFetch(parts_tex, from, 0));
+    imageStore(part_img, to, fetch_source(parts_tex, from));
 #endif
 #if HAS_OPACITY
     imageStore(cell_opacity_img, to, texelFetch(cell_opacities_tex, from, 0));

@@ -10,7 +10,7 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
+SOURCE_2D(TEX_CELL_POSITIONS, SOURCE_CELL_POSITIONS, r32ui) cell_positions_tex;
 layout(std430, binding = BUF_RESULTS) buffer Hidden { uint hidden[]; };
 
 uniform uint work_first;  // of this dispatch
@@ -111,7 +111,7 @@ void list_asks(uint thread, uint number)
 {
     uint index, side, axis;
     fetch_face_work(number % (work_count / 2u), index, side, axis);
-    uint packed_cell = texelFetch(cell_positions_tex, list_texel(index), 0).r;
+    uint packed_cell = fetch_source(cell_positions_tex, list_texel(index)).r;
     ivec3 cell = unpack_cell(packed_cell);
     uvec4 record = fetch_source(cells_tex, list_texel(index));
     uint face = face_index(record, 6u * side + 2u * axis) + 2u * number / work_count;

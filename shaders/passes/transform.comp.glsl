@@ -1,31 +1,35 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Triangles of all instances in grid space: one thread a triangle.
-// Input: instances, vertices and positions of meshes, slots.    Output: triangle_img, see lib/triangle.glsl.
+// Input: placements of instances, vertices and positions of meshes, slots.    Output: triangle_img, see lib/triangle.glsl.
 
 #include "lib/common.glsl"
+#include "lib/source.glsl"
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(std430, binding = BUF_INSTANCES) readonly buffer Instances { Instance instances[]; };
-layout(std430, binding = BUF_VERTICES) readonly buffer Vertices { uint vertices[]; };
-layout(std430, binding = BUF_POSITIONS) readonly buffer Positions { float positions[]; };
-layout(binding = TEX_CORNERS) uniform usampler2D corners_tex;  // w: material slot
-layout(std430, binding = BUF_MATERIALS) readonly buffer Slots { uint slots[]; };  // material | flags << 24
+// Four texels an instance: the rows of grid_from_object; its first triangle, its mesh's first one, its first slot.
+SOURCE_2D(TEX_PLACEMENTS, SOURCE_PLACEMENTS, rgba32ui) placements_tex;
+SOURCE_2D(TEX_VERTICES, SOURCE_VERTICES, rgba32ui) vertices_tex;  // w: material slot
+SOURCE_2D(TEX_MESH_POSITIONS, SOURCE_MESH_POSITIONS, rgba32ui) positions_tex;
+SOURCE_2D(TEX_SLOTS, SOURCE_SLOTS, r32ui) slots_tex;  // material | flags << 24
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D triangle_img;
 
 uniform uint triangle_count;
 uniform uint instance_count;
-// What is first in the buffers; 0 where they hold all.
+// What is first in the lists; 0 where they hold all.
 uniform uint triangle_first;
 uniform uint instance_first;
 uniform uint mesh_triangle_first;
-uniform uint slot_first;
 
-vec3 to_grid(Instance instance, uint vertex)
+uvec4 fetch_placement(uint instance, uint row)
 {
-    vec4 p = vec4(positions[3u * vertex], positions[3u * vertex + 1u], positions[3u * vertex + 2u], 1.0);
-    precise vec3 at = vec3(dot(instance.grid_from_object_x, p), dot(instance.grid_from_object_y, p),
-                           dot(instance.grid_from_object_z, p));
+    return fetch_source(placements_tex, list_texel(4u * instance + row));
+}
+
+vec3 to_grid(vec4 x, vec4 y, vec4 z, uint vertex)
+{
+    vec4 p = vec4(uintBitsToFloat(fetch_source(positions_tex, list_texel(vertex)).xyz), 1.0);
+    precise vec3 at = vec3(dot(x, p), dot(y, p), dot(z, p));
     return at;
 }
 
@@ -40,17 +44,20 @@ void main()
     uint lo = 0u, hi = instance_count - 1u;
     if (lo < hi) do {
         uint middle = (lo + hi + 1u) / 2u;
-        bool starts_before = instances[middle].first_triangle <= index;
+        bool starts_before = fetch_placement(middle, 3u).x <= index;
         lo = starts_before ? middle : lo;
         hi = starts_before ? hi : middle - 1u;
     } while (lo < hi);
-    Instance instance = instances[lo];
-    uint triangle = instance.first_mesh_triangle + index - instance.first_triangle;
-    uint vertex = 3u * (triangle - mesh_triangle_first);
-    vec3 a = to_grid(instance, vertices[vertex]);
-    vec3 b = to_grid(instance, vertices[vertex + 1u]);
-    vec3 c = to_grid(instance, vertices[vertex + 2u]);
-    uint slot = slots[instance.first_slot - slot_first + texelFetch(corners_tex, list_texel(triangle), 0).w];
+    vec4 x = uintBitsToFloat(fetch_placement(lo, 0u));
+    vec4 y = uintBitsToFloat(fetch_placement(lo, 1u));
+    vec4 z = uintBitsToFloat(fetch_placement(lo, 2u));
+    uvec4 firsts = fetch_placement(lo, 3u);
+    uint triangle = firsts.y + index - firsts.x;
+    uvec4 vertices = fetch_source(vertices_tex, list_texel(triangle - mesh_triangle_first));
+    vec3 a = to_grid(x, y, z, vertices.x);
+    vec3 b = to_grid(x, y, z, vertices.y);
+    vec3 c = to_grid(x, y, z, vertices.z);
+    uint slot = fetch_source(slots_tex, list_texel(firsts.z + vertices.w)).r;
     ivec2 at = ivec2(3 * int(index % uint(TRIANGLES_PER_ROW)), int(index / uint(TRIANGLES_PER_ROW)));
     imageStore(triangle_img, at, uvec4(floatBitsToUint(a), slot));
     imageStore(triangle_img, at + ivec2(1, 0), uvec4(floatBitsToUint(b - a), instance_first + lo));

@@ -14,7 +14,7 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_PAIRS) uniform usampler2D pairs_tex;
+SOURCE_2D(TEX_PAIRS, SOURCE_PAIRS, rgba32ui) pairs_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cursors { uint cursors[]; };  // next list entry of each cell
 #if HAS_INSTANCES
 layout(binding = IMG_0, rg32ui) writeonly uniform uimage2D cell_triangle_img;
@@ -91,7 +91,7 @@ void main()
     if (number >= pair_count) {
         return;
     }
-    uvec4 pair = texelFetch(pairs_tex, list_texel(pair_first + number), 0);
+    uvec4 pair = fetch_source(pairs_tex, list_texel(pair_first + number));
     Triangle triangle = fetch_triangle(pair.x);
     float area = uintBitsToFloat(pair.z);
     vec3 inside = pair_centre(pair);

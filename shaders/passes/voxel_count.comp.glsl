@@ -6,7 +6,7 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_PAIRS) uniform usampler2D pairs_tex;
+SOURCE_2D(TEX_PAIRS, SOURCE_PAIRS, rgba32ui) pairs_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cells { uint cells[]; };
 
 uniform uint pair_count;
@@ -17,6 +17,6 @@ void main()
     if (number >= pair_count) {
         return;
     }
-    uvec4 pair = texelFetch(pairs_tex, list_texel(number), 0);
+    uvec4 pair = fetch_source(pairs_tex, list_texel(number));
     atomicAdd(cells[cell_index(pair_cell(pair))], 1u);
 }

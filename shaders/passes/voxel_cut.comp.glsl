@@ -15,7 +15,7 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
+SOURCE_2D(TEX_CELL_POSITIONS, SOURCE_CELL_POSITIONS, r32ui) cell_positions_tex;
 layout(std430, binding = BUF_COUNTS) buffer Cells { uint cells[]; };
 #if !IS_CROWDED
 layout(std430, binding = BUF_WORK) readonly buffer Work { uint work[]; };  // cells
@@ -56,7 +56,7 @@ Seen sum_seen(uint first, uint end, vec3 wall, vec3 corner, int level)
     Seen seen = Seen(uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u), uvec3(0u));
     uint k = first;
     if (k < end) do {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        Part part = unpack_part(fetch_source(parts_tex, list_texel(k)));
         Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
         uvec3 mask = axis_mask(part.facing);
         vec3 low, high;
@@ -135,7 +135,7 @@ SideAreas sum_sides(uint first, uint end, Cut cut, vec3 corner, int level)
     float place = float(cut.units) / CUT_UNITS;
     uint k = first;
     if (k < end) do {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        Part part = unpack_part(fetch_source(parts_tex, list_texel(k)));
         Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
         uvec3 mask = axis_mask(part.facing);
         vec3 low, high;
@@ -174,7 +174,7 @@ uvec3 find_largest(uint first, uint end)
     uvec2 listed[3] = uvec2[3](uvec2(0u), uvec2(0u), uvec2(0u));
     uint k = first;
     if (k < end) do {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        Part part = unpack_part(fetch_source(parts_tex, list_texel(k)));
         uvec2 at = fetch_source(cell_triangles_tex, list_texel(k)).rg;
         for (uint a = 0u; a < 3u; ++a) {
             bool is_larger = part.area > area[a] || (part.area == area[a] && comes_before(at, listed[a]));
@@ -230,7 +230,7 @@ SideAreas sum_sides_of(CutPlane plane, int axis, uint first, uint end, vec3 corn
     SideAreas sides = SideAreas(uvec3(0u), uvec3(0u));
     uint k = first;
     if (k < end) do {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        Part part = unpack_part(fetch_source(parts_tex, list_texel(k)));
         Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
         vec3 n = normalize(cross(t.edge_1, t.edge_2));
         int facing = int(part.facing >> 1);
@@ -289,7 +289,7 @@ void find_second_cut(inout Cut cut, uvec3 entries, Walls walls, uint first, uint
         uint all = 0u;
         uint k = first;
         if (k < end) do {
-            Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+            Part part = unpack_part(fetch_source(parts_tex, list_texel(k)));
             int facing = int(part.facing >> 1);
             if (facing != cut.axis && facing != a) {
                 Triangle t = in_level(fetch_listed(fetch_source(cell_triangles_tex, list_texel(k)).rg), level);
@@ -337,12 +337,12 @@ void main()
     if (first >= end) {
         return;
     }
-    ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(crowd_cell), 0).r);
+    ivec3 cell = unpack_cell(fetch_source(cell_positions_tex, list_texel(crowd_cell)).r);
     int level = level_of_cell(cell);
     vec3 corner = vec3(from_stack(cell, level));
 #if CROWD_STEP == 0
     for (uint k = first; k < end; ++k) {
-        add_to_crowd(unpack_part(texelFetch(parts_tex, list_texel(k), 0)));
+        add_to_crowd(unpack_part(fetch_source(parts_tex, list_texel(k))));
     }
 #else
     Areas sums = crowd_areas();
@@ -382,7 +382,7 @@ void main()
     number = work[number];
     uvec4 record = fetch_source(cells_tex, list_texel(number));
     uint first = record.x, end = record.x + record.y;
-    ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(number), 0).r);
+    ivec3 cell = unpack_cell(fetch_source(cell_positions_tex, list_texel(number)).r);
     int level = level_of_cell(cell);
     vec3 corner = vec3(from_stack(cell, level));
     Areas sums = sum_areas(first, end);

@@ -11,7 +11,7 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_WORK) uniform usampler2D work_tex;
+SOURCE_2D(TEX_WORK, SOURCE_WORK, rg32ui) work_tex;
 layout(std430, binding = BUF_COUNTS) buffer Counters { uint counters[]; };  // pairs when a batch starts, and in the end
 layout(binding = IMG_0, r32ui) uniform uimage3D mask_img;  // two words a brick, side by side in x
 layout(binding = IMG_1, rgba32ui) writeonly uniform uimage2D pair_img;
@@ -46,7 +46,7 @@ void main()
 {
     uint index = invocation_index();
     if (index < work_count) {
-        uvec2 item = texelFetch(work_tex, list_texel(work_first + index), 0).rg;
+        uvec2 item = fetch_source(work_tex, list_texel(work_first + index)).rg;
         visit_cells(item.x, item.y);
     }
 }

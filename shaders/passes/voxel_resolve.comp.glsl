@@ -18,8 +18,8 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_CELL_POSITIONS) uniform usampler2D cell_positions_tex;
-layout(binding = TEX_PARTS) uniform usampler2D parts_tex;
+SOURCE_2D(TEX_CELL_POSITIONS, SOURCE_CELL_POSITIONS, r32ui) cell_positions_tex;
+SOURCE_2D(TEX_PARTS, SOURCE_PARTS, rgba32ui) parts_tex;
 layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D place_img;
 layout(binding = IMG_1, rgba16) writeonly uniform image2D reflectance_img;
 #if HAS_SHADING_NORMALS
@@ -69,7 +69,7 @@ void sum_parts(uvec4 record, uint axis, out FacingSums plus, out FacingSums minu
     facing_mask = 0u;
     uint k = record.x;
     do {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        Part part = unpack_part(fetch_source(parts_tex, list_texel(k)));
         facing_mask |= part.facing >> 1 == axis && k < record.x + MASKED ? 1u << (k - record.x) : 0u;
         uint to_plus = part.facing == 2u * axis ? 0xFFFFFFFFu : 0u;
         uint to_minus = part.facing == 2u * axis + 1u ? 0xFFFFFFFFu : 0u;
@@ -161,7 +161,7 @@ void move_to(inout Face face, vec3 start, Outermost outermost, bool is_shared, i
         face.position = start + face.normal * outermost.height;
         face.normal = dot(n, face.normal) < 0.0 ? -n : n;
         if (is_shared) {
-            Part part = unpack_part(texelFetch(parts_tex, list_texel(outermost.entry), 0));
+            Part part = unpack_part(fetch_source(parts_tex, list_texel(outermost.entry)));
             face.reflectance.rgb = part.area == 0u ? face.reflectance.rgb : vec3(part.reflectance) / float(part.area);
         }
     }
@@ -225,7 +225,7 @@ bool faces_along(uint entry, uint first, int axis)
     bool faces = true;
 #if !IS_PLAIN
     if (entry - first >= MASKED) {
-        faces = int(unpack_part(texelFetch(parts_tex, list_texel(entry), 0)).facing >> 1) == axis;
+        faces = int(unpack_part(fetch_source(parts_tex, list_texel(entry))).facing >> 1) == axis;
     }
 #endif
     return faces;
@@ -382,7 +382,7 @@ Beyond beyond_of(uvec4 record, uint side, uint facing, int level, vec3 corner)
     uvec2 listed = uvec2(0u);
     uint k = record.x;
     do {
-        Part part = unpack_part(texelFetch(parts_tex, list_texel(k), 0));
+        Part part = unpack_part(fetch_source(parts_tex, list_texel(k)));
         uvec2 at = fetch_source(cell_triangles_tex, list_texel(k)).rg;
         bool is_larger = part.area > area || (part.area == area && area > 0u && comes_before(at, listed));
         is_larger = is_larger && part.facing == outward;
@@ -415,7 +415,7 @@ void main()
     uvec4 record = fetch_source(cells_tex, list_texel(index));
     uint first = face_index(record, 6u * side + 2u * axis);
 
-    ivec3 cell = unpack_cell(texelFetch(cell_positions_tex, list_texel(index), 0).r);
+    ivec3 cell = unpack_cell(fetch_source(cell_positions_tex, list_texel(index)).r);
     int level = level_of_cell(cell);
     vec3 corner = vec3(from_stack(cell, level));
     vec3 low = corner, high = corner + 1.0;
