@@ -155,11 +155,12 @@ class GpuContext:
         except RuntimeError:  # before OpenGL 4.5, without KHR_robustness
             self._reset_status = lambda: _NO_ERROR
         limit, get_integer = ctypes.c_int(), function("glGetIntegerv", None, unsigned, ctypes.c_void_p)
-        units = []
+        limits = []
         for name in (_MAX_IMAGE_UNITS, _MAX_COMPUTE_IMAGE_UNIFORMS):
             get_integer(name, ctypes.byref(limit))
-            units.append(limit.value)
-        self.reads_images = loader.is_software(self.renderer) and min(units) > max(interface.SOURCES.values())
+            limits.append(limit.value)
+        has_units = limits[0] >= interface.SOURCE_UNITS and limits[1] >= interface.MOST_IMAGES
+        self.reads_images = loader.is_software(self.renderer) and has_units
         self._native = loader.current_context()
 
     # Contexts ---------------------------------------------------------------------------------------------------
@@ -446,11 +447,11 @@ class GpuContext:
 
     # Running ----------------------------------------------------------------------------------------------------
 
-    def use_source(self, texture: moderngl.Texture | moderngl.Texture3D, name: str) -> None:
-        """Bind what shaders read by lib/source.glsl, if it is of those. ``name``: its texture unit."""
-        texture.use(interface.slot(name))
+    def use_source(self, texture: moderngl.Texture | moderngl.Texture3D, name: str, index: int = 0) -> None:
+        """Bind what shaders read by lib/source.glsl, if it is of those. ``name``: its texture unit, or ``index`` on."""
+        texture.use(interface.slot(name) + index)
         if self.reads_images and name in interface.SOURCES:
-            texture.bind_to_image(interface.SOURCES[name], read=True, write=False)
+            texture.bind_to_image(interface.SOURCES[name] + index, read=True, write=False)
 
     def barrier(self) -> None:
         """What was written by shaders so far is visible to every later read, of any kind.

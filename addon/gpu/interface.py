@@ -189,11 +189,16 @@ MAX_MATERIAL_TEXTURES = 24
 
 # Image units. GL 4.3 promises eight to a stage.
 IMAGES = ("IMG_0", "IMG_1", "IMG_2", "IMG_3", "IMG_4", "IMG_5", "IMG_6", "IMG_TILES")
-#: Textures that rays ask most, which software rasterizers read as images (lib/source.glsl), and the units for that.
+#: Textures that software rasterizers read as images (lib/source.glsl), and the units for that: what rays ask most, ...
 SOURCES = {"TEX_TRIANGLES": 8, "TEX_BRICKS": 9, "TEX_CELLS": 10, "TEX_CELL_TRIANGLES": 11}
-#: And what triangles are transformed from, before there is any of those, and voxels made of.
+#: ... what triangles are transformed from, before there is any of those, and voxels are made of, ...
 SOURCES |= {"TEX_SLOTS": 8, "TEX_VERTICES": 9, "TEX_MESH_POSITIONS": 10, "TEX_PLACEMENTS": 11}
 SOURCES |= {"TEX_WORK": 12, "TEX_PAIRS": 12, "TEX_PARTS": 12, "TEX_CELL_POSITIONS": 13}
+#: ... and pictures that pixels ask for many others. The last of them takes three units.
+SOURCES |= {"TEX_POSITION": 14, "TEX_NORMAL": 15, "TEX_DIFFUSE": 16, "TEX_GATHERED": 17}
+SOURCES |= {"TEX_BEFORE_PLACE": 18, "TEX_BEFORE_0": 19}
+SOURCE_UNITS = 22
+MOST_IMAGES = 16  # of one program that reads images
 IMAGE_ALIASES = {"IMG_RAYS": "IMG_TILES"}  # layers whose pixels have rays of their own ask no tiles
 ALIASES = BUFFER_ALIASES | TEXTURE_ALIASES | IMAGE_ALIASES
 

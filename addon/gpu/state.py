@@ -55,7 +55,7 @@ _BUFFERS = {
 }
 _TEXTURES = {0x8069: 0x0DE1, 0x806A: 0x806F}  # 2D, 3D: name to ask for, target to bind
 _UNITS = 32
-_STORAGE_SLOTS, _IMAGE_UNITS = 8, 1 + max(interface.SOURCES.values())
+_STORAGE_SLOTS, _IMAGE_UNITS = 8, interface.SOURCE_UNITS
 
 
 class _State:

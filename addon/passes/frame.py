@@ -76,7 +76,7 @@ class Frame:
 
     def bind(self, kernel: Kernel) -> None:
         """Bind what lib/pixel.glsl and lib/ray.glsl read."""
-        self.surface.bind()
+        self.surface.bind(kernel.gpu)
         self.bind_tiles()
         kernel.set(**self.camera.uniforms(self.offset))
 

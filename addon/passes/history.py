@@ -106,9 +106,9 @@ class LightHistory:
                 light.bind_to_image(slot("IMG_0") + kind, read=True, write=True)
             if takes_over or gather is None:
                 assert before is not None
-                before.place.use(slot("TEX_BEFORE_PLACE"))
+                self.gpu.use_source(before.place, "TEX_BEFORE_PLACE")
                 for kind, mean in enumerate(before.means):
-                    mean.use(slot("TEX_BEFORE_0") + kind)
+                    self.gpu.use_source(mean, "TEX_BEFORE_0", kind)
                 kernel.set(before_from_grid=tuple(np.asarray(matrix.T, np.float32).ravel().tolist()))
             if self.glossy and gather is None:
                 # Sharp reflections take over nothing: they are found as often as in a frame by itself.

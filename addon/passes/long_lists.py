@@ -149,7 +149,8 @@ class LongLists:
                 gpu.copy_list(texture, copy, first, room - offset, offset)
                 gpu.use_source(copy, name)
                 texture.bind_to_image(slot(unit), read=False, write=True)
-        work = gpu.buffer("voxel work", np.stack([entries, entries[order] - (first - offset)], axis=1).astype(np.uint32))
+        moves = np.stack([entries, entries[order] - (first - offset)], axis=1)
+        work = gpu.buffer("voxel work", moves.astype(np.uint32))
         defines = {"HAS_FACES": lists.parts is not None, **lists.opacity_defines}
         kernel = gpu.kernel("list_sort", self._geometry.defines | defines).set(work_count=len(entries))
         work.bind_to_storage_buffer(slot("BUF_WORK"))

@@ -63,7 +63,7 @@ class ReconstructPass:
 
         def bind() -> None:
             frame.bind(kernel)
-            light.use(interface.slot("TEX_GATHERED"))
+            self.gpu.use_source(light, "TEX_GATHERED")
             self._pictures[1].bind_to_image(interface.slot("IMG_0"), read=False, write=True)
             kernel.set(stride=1 << level, tolerance=TOLERANCE * shrunk, least_radius=least_radius * shrunk)
             if self.glossy:

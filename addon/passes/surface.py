@@ -61,12 +61,12 @@ class SurfacePictures:
     def ray_defines(self) -> dict[str, object]:
         return {"RAYS_OF_PIXELS": self.rays is not None}
 
-    def bind(self) -> None:
+    def bind(self, gpu: GpuContext) -> None:
         """Bind for reading."""
         slot = interface.slot
-        self.position.use(slot("TEX_POSITION"))
-        self.normal.use(slot("TEX_NORMAL"))
-        self.diffuse.use(slot("TEX_DIFFUSE"))
+        gpu.use_source(self.position, "TEX_POSITION")
+        gpu.use_source(self.normal, "TEX_NORMAL")
+        gpu.use_source(self.diffuse, "TEX_DIFFUSE")
         self.f0.use(slot("TEX_F0"))
         self.f90.use(slot("TEX_F90"))
         self.bind_rays()

@@ -206,6 +206,8 @@ def test_programs_keep_to_what_gl_promises(gpu: GpuContext, monkeypatch: pytest.
     most = {"buffers": 0, "images": 0, "textures": 0}
     for (name, defines, texts), kernel in kernels.items():
         if "fetch_source" in kernel.source.text:
+            images = active_resources(kernel.shader.glo)["images"]
+            assert images <= interface.MOST_IMAGES, (kernel.source.files[1], images)
             kernel = gpu.kernel(name, dict(defines), dict(texts))
         if f"material_texture_{LEAST_TEXTURES};" in kernel.source.text:
             continue  # a material with so many images is compiled only where the driver has more units

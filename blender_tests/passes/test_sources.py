@@ -11,6 +11,7 @@ from addon.gpu.loader import is_software
 from addon.scene import SceneData
 from blender_tests.passes import scenes
 from blender_tests.passes.run import pipeline
+from blender_tests.passes.test_history import frames, metallic, moved, room, settings
 
 
 def instances() -> SceneData:
@@ -33,6 +34,24 @@ def test_images_and_textures_give_the_same_bits(make: object, gpu: GpuContext, m
         with pipeline(gpu, make(), scenes.settings(24), size=(24, 16), samples=2) as ready:  # type: ignore[operator]
             pictures.append(ready.film.read("combined"))
     assert pictures[0][..., :3].mean() > 0.01
+    np.testing.assert_array_equal(*pictures)
+
+
+def test_light_of_neighbours_and_of_earlier_frames_has_the_same_bits(
+    gpu: GpuContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Pictures of surfaces, of light that pixels share, and of what frames leave behind; matte and glossy."""
+    if not gpu.reads_images:
+        pytest.skip("too few image units, or textures are as good there")
+    shown = [moved(metallic(room(), 0.3), eye) for eye in (0.0, 0.1)]
+    pictures = []
+    for reads_images in (True, False):
+        monkeypatch.setattr(gpu, "reads_images", reads_images)
+        monkeypatch.setattr(gpu, "_kernels", {})
+        pictures.append(np.array(list(frames(gpu, shown, settings(use_reconstruction=True, samples=3)))))
+        used = {name for name, *_ in gpu._kernels}
+        assert {"reconstruct", "history"} <= used
+    assert pictures[0].mean() > 0.01 and (pictures[0][0] != pictures[0][1]).any()
     np.testing.assert_array_equal(*pictures)
 
 

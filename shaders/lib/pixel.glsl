@@ -2,11 +2,12 @@
 // The surface seen at a pixel, as pass `surface` left it.
 
 #include "lib/common.glsl"
+#include "lib/source.glsl"
 #include "lib/tiles.glsl"
 
-layout(binding = TEX_POSITION) uniform sampler2D position_tex;
-layout(binding = TEX_NORMAL) uniform sampler2D normal_tex;
-layout(binding = TEX_DIFFUSE) uniform sampler2D diffuse_tex;
+SOURCE_PICTURE(TEX_POSITION, SOURCE_POSITION, rgba32f) position_tex;
+SOURCE_PICTURE(TEX_NORMAL, SOURCE_NORMAL, rgba16) normal_tex;
+SOURCE_PICTURE(TEX_DIFFUSE, SOURCE_DIFFUSE, rgba16f) diffuse_tex;
 layout(binding = TEX_F0) uniform sampler2D f0_tex;
 layout(binding = TEX_F90) uniform sampler2D f90_tex;
 
@@ -28,9 +29,9 @@ struct Pixel {
 Pixel fetch_pixel(ivec2 at)
 {
     Pixel p;
-    vec4 position = texelFetch(position_tex, at, 0);
-    vec4 normals = 2.0 * texelFetch(normal_tex, at, 0) - 1.0;
-    vec4 diffuse = texelFetch(diffuse_tex, at, 0);
+    vec4 position = fetch_source(position_tex, at);
+    vec4 normals = 2.0 * fetch_source(normal_tex, at) - 1.0;
+    vec4 diffuse = fetch_source(diffuse_tex, at);
     p.is_surface = position.w == 1.0;
     p.position = position.xyz;
     p.normal = octahedral_decode(normals.xy);

@@ -78,7 +78,7 @@ vec4 of_surface(bool is_surface, vec3 radiance)
 
 vec4 composed(ivec2 at)
 {
-    vec4 position = texelFetch(position_tex, at, 0);
+    vec4 position = fetch_source(position_tex, at);
     bool is_surface = position.w == 1.0;
     Pixel p = fetch_pixel(at);
     vec3 emission = position.w > 0.0 ? texelFetch(emission_tex, at, 0).rgb : vec3(0.0);

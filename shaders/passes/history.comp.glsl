@@ -17,8 +17,8 @@
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 
 #if TAKES_OVER || LOOKS_UP
-layout(binding = TEX_BEFORE_PLACE) uniform usampler2D before_place_tex;
-layout(binding = TEX_BEFORE_0) uniform sampler2D before_tex[KINDS];
+SOURCE_2D(TEX_BEFORE_PLACE, SOURCE_BEFORE_PLACE, rgba32ui) before_place_tex;
+SOURCE_PICTURE(TEX_BEFORE_0, SOURCE_BEFORE_0, rgba32f) before_tex[KINDS];
 #endif
 layout(binding = IMG_0, rgba32f) uniform image2D light_img[KINDS];
 #if !LOOKS_UP
@@ -164,14 +164,14 @@ void main()
         ivec2 there = corner + offset;
         bool usable = all(greaterThanEqual(there, ivec2(0))) && all(lessThan(there, picture_size));
         there = clamp(there, ivec2(0), picture_size - 1);
-        Place place = unpack_place(texelFetch(before_place_tex, there, 0));
+        Place place = unpack_place(fetch_source(before_place_tex, there));
 #if LOOKS_UP && GLOSSY
         usable = usable && place.passes >= least_passes;
 #endif
         vec2 near = max(1.0 - abs(vec2(offset) - share), 1e-3);
         float weight = usable && is_same(place, p, footprint) ? near.x * near.y : 0.0;
         for (int kind = 0; kind < KINDS; ++kind) {
-            vec3 value = texelFetch(before_tex[kind], there, 0).rgb;
+            vec3 value = fetch_source(before_tex[kind], there).rgb;
             found[kind] += weight > 0.0 ? weight * value : vec3(0.0);
         }
         passes += weight * place.passes;

@@ -19,7 +19,7 @@
 
 layout(local_size_x = TILE_SIZE, local_size_y = TILE_SIZE) in;
 
-layout(binding = TEX_GATHERED) uniform sampler2D gathered_tex;
+SOURCE_PICTURE(TEX_GATHERED, SOURCE_GATHERED, rgba32f) gathered_tex;
 layout(binding = IMG_0, rgba32f) writeonly uniform image2D gathered_out;
 
 uniform ivec2 tile_first;
@@ -38,7 +38,7 @@ vec3 specular_color(ivec2 at)
 float lobe_width(ivec2 at)
 {
 #if GLOSSY
-    return lobe_width(texelFetch(diffuse_tex, at, 0).w);
+    return lobe_width(fetch_source(diffuse_tex, at).w);
 #else
     return 1.0;
 #endif
@@ -50,18 +50,18 @@ void main()
     if (any(greaterThanEqual(at, picture_size)) || !is_active(at)) {
         return;
     }
-    vec4 position = texelFetch(position_tex, at, 0);
+    vec4 position = fetch_source(position_tex, at);
     if (position.w != 1.0) {
         imageStore(gathered_out, at, vec4(0.0));  // nothing else is known of a pixel that sees no surface
         return;
     }
 #if STEP == 0
-    vec4 light = texelFetch(gathered_tex, at, 0);
+    vec4 light = fetch_source(gathered_tex, at);
     vec2 nearness = vec2(0.0);
     for (int k = 0; k < 25; ++k) {
         ivec2 there = clamp(at + 2 * ivec2(k % 5 - 2, k / 5 - 2), ivec2(0), picture_size - 1);
-        bool usable = texelFetch(position_tex, there, 0).w == 1.0;
-        nearness += usable ? vec2(texelFetch(gathered_tex, there, 0).w, 1.0) : vec2(0.0);
+        bool usable = fetch_source(position_tex, there).w == 1.0;
+        nearness += usable ? vec2(fetch_source(gathered_tex, there).w, 1.0) : vec2(0.0);
     }
     light.w = nearness.x / max(nearness.y, 1.0);
 #if GLOSSY
@@ -73,10 +73,10 @@ void main()
 #endif
     imageStore(gathered_out, at, light);
 #else
-    vec4 normals = 2.0 * texelFetch(normal_tex, at, 0) - 1.0;
+    vec4 normals = 2.0 * fetch_source(normal_tex, at) - 1.0;
     vec3 normal = octahedral_decode(normals.xy);
     vec3 geometric = octahedral_decode(normals.zw);
-    vec4 center = texelFetch(gathered_tex, at, 0);
+    vec4 center = fetch_source(gathered_tex, at);
     float lobe = lobe_width(at);
     vec3 origin, direction;
     camera_ray(at, origin, direction);
@@ -91,9 +91,9 @@ void main()
         vec4 pair = vec4(0.0);
         for (int side = -1; side <= 1; side += 2) {
             ivec2 there = clamp(at + step * (side * stride), ivec2(0), picture_size - 1);
-            vec4 other_position = texelFetch(position_tex, there, 0);
-            vec3 other_normal = octahedral_decode(2.0 * texelFetch(normal_tex, there, 0).xy - 1.0);
-            vec4 other = texelFetch(gathered_tex, there, 0);
+            vec4 other_position = fetch_source(position_tex, there);
+            vec3 other_normal = octahedral_decode(2.0 * fetch_source(normal_tex, there).xy - 1.0);
+            vec4 other = fetch_source(gathered_tex, there);
             // The error that light from there may have, as a share of it: how far that point is, against the distance of
             // what surrounds it, how much it turns, and how far off the tangent plane it lies, beyond what the turn explains.
             vec3 apart = other_position.xyz - position.xyz;
