@@ -157,11 +157,12 @@ TEXTURE_ALIASES = {
     # Materials, where no ray is traced.
     "TEX_ATTRIBUTES": "TEX_CELL_OPACITIES",  # r32ui list: corner normals, UV and colour layers
     "TEX_MATERIALS": "TEX_CELL_TRIANGLES",  # rgba32f list: parameters
-    # While voxels are made (lib/part.glsl).
+    # While triangles are transformed, before there are any.
     "TEX_SLOTS": "TEX_TRIANGLES",  # r32ui list: slots of instances, material | flags << 24
     "TEX_VERTICES": "TEX_BRICKS",  # rgba32ui list: three vertices and the slot of each triangle
     "TEX_MESH_POSITIONS": "TEX_CELLS",  # rgba32ui list: object space
-    "TEX_PLACEMENTS": "TEX_CELL_TRIANGLES",  # rgba32ui list, as lib/triangle.glsl has them
+    "TEX_PLACEMENTS": "TEX_CELL_TRIANGLES",  # rgba32ui list: pass transform
+    # While voxels are made (lib/part.glsl).
     "TEX_WORK": "TEX_FACE_RADIANCE",  # rg32ui list: work items (triangle, item number); too many for a buffer
     "TEX_PAIRS": "TEX_FACE_RADIANCE",  # rgba32ui list: triangle, cell, area, centre in the cell
     "TEX_PARTS": "TEX_FACE_RADIANCE",  # rgba32ui list, cell by cell: what pairs bring to faces
@@ -176,7 +177,7 @@ TEXTURE_ALIASES = {
     "TEX_REFLECTED_EMITTED": "TEX_CELL_TRIANGLES",
     "TEX_VALUE": "TEX_TRIANGLES",
     # Guides, where no cones are traced.
-    "TEX_GUIDES": "TEX_CONES",  # rgba8 list: trees of shares; while they are made rgba32f: bins
+    "TEX_GUIDES": "TEX_CONES",  # rgba8 list: trees of shares; while they are made rgba32ui: bins
     "TEX_GUIDE_NUMBERS": "TEX_EMISSION",  # r32ui 3D, bricks: lib/guide_number.glsl
     # Light of the last frame: its pictures take units one after the other.
     "TEX_BEFORE_PLACE": "TEX_BRICKS",  # rgba32ui 2D, pixels: position (grid space), normal, passes
@@ -215,7 +216,7 @@ _NUMPY = {
 
 @dataclass(frozen=True)
 class Struct:
-    """A struct of a storage buffer (std430): fields as (name, GLSL type, what it is)."""
+    """A struct of a storage buffer (std430) or a list texture: fields as (name, GLSL type, what it is)."""
 
     name: str
     fields: tuple[tuple[str, str, str], ...]

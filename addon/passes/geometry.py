@@ -179,7 +179,7 @@ class GeometryPass:
         self._owned: list[Any] = []
 
     def run(self, scene: SceneData, grid: VoxelGrid, materials: MaterialSet) -> Geometry:
-        """Upload and transform. Raises MemoryError when a buffer exceeds what the driver allows."""
+        """Upload and transform. Raises MemoryError when a list or a buffer exceeds what the driver allows."""
         self.release()
         gpu = self.gpu
         used = sorted({instance.mesh for instance in scene.instances})
@@ -334,7 +334,7 @@ class GeometryPass:
         triangle, vertex = 0, 0
         for mesh in meshes:
             part = slice(triangle, triangle + len(mesh.triangle_vertices))
-            np.add(mesh.triangle_vertices, vertex, out=vertices[part, :3], casting="unsafe")
+            np.add(mesh.triangle_vertices, np.int64(vertex), out=vertices[part, :3], casting="unsafe")
             vertices[part, 3] = mesh.triangle_slots
             positions[vertex : vertex + len(mesh.positions), :3] = mesh.positions
             triangle, vertex = part.stop, vertex + len(mesh.positions)
@@ -346,7 +346,7 @@ class GeometryPass:
             ("TEX_MESH_POSITIONS", positions.view(np.uint32)),
             ("TEX_SLOTS", slots.reshape(-1, 1)),
         ):  # fmt: skip
-            temporary.append(gpu.list_texture("transform input", len(rows), rows.shape[1], "u4", rows))
+            temporary.append(gpu.list_texture("meshes", len(rows), rows.shape[1], "u4", rows))
             gpu.use_source(temporary[-1], name)
         geometry.triangles.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
         kernel.run_list(count)
@@ -394,7 +394,7 @@ def _seen_by_camera(instance: InstanceData) -> bool:
 
 
 def _placements(records: np.ndarray) -> np.ndarray:
-    """(I, 4, 4) uint32, as lib/triangle.glsl has them, with what is first in the lists that records tell of."""
+    """(I, 4, 4) uint32: rows of grid_from_object; first triangle, the mesh's, first slot, number of instances."""
     placements = np.empty((len(records), 4, 4), np.uint32)
     for row, name in enumerate("xyz"):
         placements[:, row] = records[f"grid_from_object_{name}"].view(np.uint32)

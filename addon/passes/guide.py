@@ -48,7 +48,7 @@ class GuidePass:
             listed = gpu.buffer("guide bins", self._work)
         bins = light = None
         try:
-            bins = gpu.list_texture("guide bins", len(self._work) * _BINS // 2, 4, "f4")
+            bins = gpu.list_texture("guide bins", len(self._work) * _BINS // 4, 4, "u4")
             light = gpu.list_texture("guide bins", voxels.faces.count, 1, "f4")
             yield from self._steps(voxels, radiance, links, world, bins, light, listed)
         finally:

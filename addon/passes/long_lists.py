@@ -29,7 +29,7 @@ LEAST_SHARE = 0.5
 #: Entries of the longest list that rays may ask one by one: a thread that follows sixteen rays through such cells stays
 #: below the 65536 rounds after which software rasterizers end its loops.
 LONGEST = 256
-#: Entries of lists that are worked on in one step, but for a longer list.
+#: Entries of lists that are worked on in one step, and those of short lists between them, but for a longer list.
 ENTRIES_PER_STEP = 1 << 19
 
 
@@ -101,20 +101,19 @@ class LongLists:
         gpu, lists = self.gpu, self._lists
         counts = lists.records[:, 1].astype(np.int64)
         cells = np.flatnonzero(counts > interface.LONG_LIST)
-        ends = np.cumsum(counts[cells])
+        starts = lists.records[cells, 0].astype(np.int64)
+        ends = starts + counts[cells]
         parts, first = [], 0
         while first < len(cells):
-            done = int(ends[first] - counts[cells[first]])
-            end = max(int(np.searchsorted(ends, done + ENTRIES_PER_STEP, "right")), first + 1)
+            end = max(int(np.searchsorted(ends, starts[first] + ENTRIES_PER_STEP, "right")), first + 1)
             parts.append(cells[first:end])
             first = end
-        with gpu.timed("voxelize"):
-            room = max((_span(lists.records, part[unordered[part]])[1] for part in parts), default=0)
-            self._copies = [
-                None if texture is None else gpu.list_texture("voxel work", room, texture.components, texture.dtype)
-                for texture in self._written
-            ]
         try:
+            with gpu.timed("voxelize"):
+                room = max((_span(lists.records, part[unordered[part]])[1] for part in parts), default=0)
+                for texture in self._written if room else ():
+                    made = texture and gpu.list_texture("voxel work", room, texture.components, texture.dtype)
+                    self._copies.append(made)
             for number, part in enumerate(parts):
                 with gpu.timed("voxelize"):
                     if unordered[part].any():
@@ -123,6 +122,7 @@ class LongLists:
                 yield (number + 1) / len(parts)
         finally:
             gpu.free(*self._copies)
+            self._copies = []
 
     @property
     def _written(self) -> tuple[moderngl.Texture | None, ...]:

@@ -244,6 +244,15 @@ def test_pictures_do_not_depend_on_boxes_nor_on_crowds(
 
 
 @pytest.mark.usefixtures("always")
+def test_lists_are_worked_on_in_steps(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of lists next to each other with short ones between them, or of one: the same order, the same boxes."""
+    wanted = made_bits(gpu, messy_room(), SETTINGS, has_boxes=True)
+    for entries in (200, 1):
+        monkeypatch.setattr(long_lists, "ENTRIES_PER_STEP", entries)
+        assert_same(made_bits(gpu, messy_room(), SETTINGS, has_boxes=True), wanted)
+
+
+@pytest.mark.usefixtures("always")
 @pytest.mark.parametrize("edit", ["leaves", "pebble", "pebble out of sight"])
 def test_an_edit_leaves_the_bits_of_a_fresh_start(edit: str, gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where only some lists are made again, and where boxes come or go with an edit."""

@@ -194,6 +194,15 @@ def active_resources(program: int) -> dict[str, int]:
     return result
 
 
+def test_sources_that_share_an_image_unit_share_a_texture_unit() -> None:
+    """So that no program has both: it would not get along with textures either."""
+    units: dict[int, set[int]] = {}
+    for name, unit in interface.SOURCES.items():
+        units.setdefault(unit, set()).add(interface.slot(name))
+    assert all(len(slots) == 1 for slots in units.values()), units
+    assert min(units) == len(interface.IMAGES) and max(units) + 3 == interface.SOURCE_UNITS
+
+
 @pytest.mark.last
 def test_programs_keep_to_what_gl_promises(gpu: GpuContext, monkeypatch: pytest.MonkeyPatch) -> None:
     """At most 8 storage buffers, 8 images, 16 textures, and bindings in the same range. Sources are images only where a

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What rays ask most is read as textures or as images: the same bits."""
+"""What is asked most is read as textures or as images: the same bits."""
 
 from __future__ import annotations
 

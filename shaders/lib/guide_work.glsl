@@ -12,6 +12,21 @@ uniform uint guide_count;  // of all
 uniform int bin_count;
 
 const int GUIDE_BINS = GUIDE_SIDE * GUIDE_SIDE;
+
+// A bin: sum of what light counts, and over how many links. Packed: their mean, the upper 20 bits of a float that is not below
+// 0, and 12 bits of how many; sums of a few links know no more.
+uint pack_bin(vec2 bin)
+{
+    uint mean = floatBitsToUint(bin.x / max(bin.y, 1.0)) + (1u << 10);
+    return mean >> 11 << 12 | min(uint(bin.y), 4095u);
+}
+
+vec2 unpack_bin(uint packed_bin)
+{
+    float count = float(packed_bin & 4095u);
+    return vec2(uintBitsToFloat(packed_bin >> 12 << 11) * count, count);
+}
+
 struct GuideWork {
     ivec3 brick;
     uint facing;

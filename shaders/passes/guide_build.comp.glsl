@@ -9,7 +9,7 @@
 
 layout(local_size_x = GROUP_SIZE) in;
 
-layout(binding = TEX_GUIDES) uniform sampler2D bins_tex;
+layout(binding = TEX_GUIDES) uniform usampler2D bins_tex;
 layout(binding = TEX_GUIDE_NUMBERS) uniform usampler3D guide_numbers_tex;
 layout(binding = IMG_0, rgba8) writeonly uniform image2D guides_img;
 
@@ -37,12 +37,13 @@ void main()
         bool usable = all(greaterThanEqual(there, ivec3(0))) && all(lessThan(there, brick_count));
         uint entry = usable ? texelFetch(guide_numbers_tex, there, 0).r : 0u;
         if (has_guide(entry, work.facing)) {
-            uint first = guide_number(entry, work.facing) * uint(GUIDE_BINS / 2);
+            uint first = guide_number(entry, work.facing) * uint(GUIDE_BINS / 4);
             float weight = k == 4 ? OWN_WEIGHT : 1.0;
-            for (int pair = 0; pair < bin_count / 2; ++pair) {
-                vec4 two = weight * texelFetch(bins_tex, list_texel(first + uint(pair)), 0);
-                bins[2 * pair] += two.xy;
-                bins[2 * pair + 1] += two.zw;
+            for (int bin = 0; bin < bin_count; bin += 4) {
+                uvec4 four = texelFetch(bins_tex, list_texel(first + uint(bin) / 4u), 0);
+                for (int k = 0; k < 4; ++k) {
+                    bins[bin + k] += weight * unpack_bin(four[k]);
+                }
             }
         }
     }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-3.0-or-later
 // Light that links bring to the faces of a brick, facing by facing, binned by the direction that it comes from.
 // Input: guides to make, cells, links, what faces' light counts (pass guide_light), the world.
-// Output: bins_img, two bins to a texel: sum of what light counts, number of links.
+// Output: bins_img, four bins to a texel.
 
 #include "lib/grid.glsl"
 #include "lib/guide_work.glsl"
@@ -16,7 +16,7 @@ layout(local_size_x = GROUP_SIZE) in;
 SOURCE_2D(TEX_CELLS, SOURCE_CELLS, rgba32ui) cells_tex;
 layout(binding = TEX_LINKS) uniform usampler2D links_tex;
 layout(binding = TEX_FACE_RADIANCE) uniform sampler2D face_light_tex;
-layout(binding = IMG_0, rgba32f) writeonly uniform image2D bins_img;
+layout(binding = IMG_0, rgba32ui) writeonly uniform uimage2D bins_img;
 
 uniform uint link_count;  // of each face
 #if HAS_WORLD
@@ -70,7 +70,8 @@ void main()
             }
         } while (++q < link_count / 4u);
     }
-    for (int k = 0; k < bin_count / 2; ++k) {
-        imageStore(bins_img, list_texel(number * uint(GUIDE_BINS / 2) + uint(k)), vec4(bins[2 * k], bins[2 * k + 1]));
+    for (int k = 0; k < bin_count; k += 4) {
+        uvec4 four = uvec4(pack_bin(bins[k]), pack_bin(bins[k + 1]), pack_bin(bins[k + 2]), pack_bin(bins[k + 3]));
+        imageStore(bins_img, list_texel((number * uint(GUIDE_BINS) + uint(k)) / 4u), four);
     }
 }
