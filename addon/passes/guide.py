@@ -48,9 +48,12 @@ class GuidePass:
             listed = gpu.buffer("guide bins", self._work)
         bins = light = None
         try:
+            with gpu.timed("guides"):
+                light = gpu.list_texture("guide bins", voxels.faces.count, 1, "f4")
+                self._find_light(voxels, radiance, light)
+            # Only now: software rasterizers let go of what was freed before when something else has been run.
             bins = gpu.list_texture("guide bins", len(self._work) * _BINS // 4, 4, "u4")
-            light = gpu.list_texture("guide bins", voxels.faces.count, 1, "f4")
-            yield from self._steps(voxels, radiance, links, world, bins, light, listed)
+            yield from self._steps(voxels, links, world, bins, light, listed)
         finally:
             gpu.free(bins, light, listed)
 
@@ -64,10 +67,16 @@ class GuidePass:
         self._guides = self.gpu.list_texture("guides", len(self._work) * interface.GUIDE_TEXELS, 4, "f1")
         self._voxels = voxels
 
+    def _find_light(self, voxels: Voxels, radiance: moderngl.Texture, light: moderngl.Texture) -> None:
+        kernel = self.gpu.kernel("guide_light").set(face_count=voxels.faces.count)
+        radiance.use(interface.slot("TEX_FACE_RADIANCE"))
+        light.bind_to_image(interface.slot("IMG_0"), read=False, write=True)
+        kernel.run_list(voxels.faces.count)
+        self.gpu.barrier()  # read as a texture
+
     def _steps(
         self,
         voxels: Voxels,
-        radiance: moderngl.Texture,
         links: LinkPass,
         world: WorldLight,
         bins: moderngl.Texture,
@@ -76,12 +85,6 @@ class GuidePass:
     ) -> Iterator[float]:
         gpu, slot, count = self.gpu, interface.slot, len(self._work)
         assert links.links is not None and self._numbers is not None and self._guides is not None
-        with gpu.timed("guides"):
-            kernel = gpu.kernel("guide_light").set(face_count=voxels.faces.count)
-            radiance.use(slot("TEX_FACE_RADIANCE"))
-            light.bind_to_image(slot("IMG_0"), read=False, write=True)
-            kernel.run_list(voxels.faces.count)
-            gpu.barrier()  # read as a texture
         step = max(interface.GROUP_SIZE, LINKS_PER_STEP // (links.count * _FACES))
         for first in range(0, count, step):
             with gpu.timed("guides"):
