@@ -43,14 +43,17 @@ def test_light_of_neighbours_and_of_earlier_frames_has_the_same_bits(
     """Pictures of surfaces, of light that pixels share, and of what frames leave behind; matte and glossy."""
     if not gpu.reads_images:
         pytest.skip("too few image units, or textures are as good there")
-    shown = [moved(metallic(room(), 0.3), eye) for eye in (0.0, 0.1)]
+    first = metallic(room(), 0.3)
+    shown = [moved(first, eye) for eye in (0.0, 0.02)]
     pictures = []
     for reads_images in (True, False):
         monkeypatch.setattr(gpu, "reads_images", reads_images)
         monkeypatch.setattr(gpu, "_kernels", {})
         pictures.append(np.array(list(frames(gpu, shown, settings(use_reconstruction=True, samples=3)))))
-        used = {name for name, *_ in gpu._kernels}
-        assert {"reconstruct", "history"} <= used
+        used = [(name, dict(defines)) for name, defines, _ in gpu._kernels]
+        for glossy in (False, True):
+            assert any(name == "reconstruct" and of["GLOSSY"] == glossy for name, of in used)
+            assert any(name == "history" and of["GLOSSY"] == glossy and of["TAKES_OVER"] for name, of in used)
     assert pictures[0].mean() > 0.01 and (pictures[0][0] != pictures[0][1]).any()
     np.testing.assert_array_equal(*pictures)
 
